@@ -1,0 +1,1 @@
+"""garmentc: an asset compiler for clothing."""

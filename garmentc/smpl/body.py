@@ -1,0 +1,97 @@
+"""The body model: SMPL's formula on any body with the 24 SMPL joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.smpl.rotations import axis_angle_to_matrix
+from garmentc.smpl.skeleton import JOINT_COUNT
+from garmentc.smpl.skinning import joint_transforms, skin
+
+
+@dataclass(frozen=True)
+class BodyModel:
+    """A body with SMPL's interface (Loper et al. 2015, section 3).
+
+    Metres; X to the body's left, Y up, +Z front; T-pose at zero pose.
+
+    name         what reports call it
+    gender       "female", "male" or "neutral"
+    v_template   (V, 3) rest vertices of the mean shape
+    faces        (F, 3) int32 triangles, counter-clockwise from outside
+    weights      (V, 24) blend weights, rows sum to 1
+    shapedirs    (V, 3, S) metres per unit of each shape coefficient
+    posedirs     (V, 3, 207) pose correctives for the row-major entries of R[1:] - I
+    J_template   (24, 3) rest joints of the mean shape
+    J_shapedirs  (24, 3, S)
+
+    Arrays are float64: the reference. `astype(np.float32)` gives the fast path; results follow the arrays' dtype.
+    """
+
+    name: str
+    gender: str
+    v_template: NDArray[Any]
+    faces: NDArray[np.int32]
+    weights: NDArray[Any]
+    shapedirs: NDArray[Any]
+    posedirs: NDArray[Any]
+    J_template: NDArray[Any]
+    J_shapedirs: NDArray[Any]
+
+    def astype(self, dtype: type[np.floating[Any]]) -> BodyModel:
+        """The same body with every float array in `dtype`."""
+        names = ("v_template", "weights", "shapedirs", "posedirs", "J_template", "J_shapedirs")
+        return replace(self, **{name: getattr(self, name).astype(dtype) for name in names})
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return self.v_template.dtype
+
+    @cached_property
+    def _posedirs_matrix(self) -> NDArray[Any]:
+        return np.ascontiguousarray(self.posedirs.reshape(-1, self.posedirs.shape[-1]).T)
+
+    def _betas(self, betas: NDArray[Any] | None) -> NDArray[Any]:
+        given = np.zeros(0) if betas is None else np.asarray(betas)
+        padded = np.zeros(self.shapedirs.shape[-1], dtype=self.dtype)
+        padded[: len(given)] = given
+        return padded
+
+    def shaped(self, betas: NDArray[Any] | None = None) -> NDArray[Any]:
+        """Rest vertices (V, 3) of the body with shape `betas` (at most S coefficients, missing ones are zero)."""
+        return self.v_template + self.shapedirs @ self._betas(betas)
+
+    def joints(self, betas: NDArray[Any] | None = None) -> NDArray[Any]:
+        """Rest joints (24, 3) of the body with shape `betas`."""
+        return self.J_template + self.J_shapedirs @ self._betas(betas)
+
+    def posed(
+        self,
+        poses: NDArray[Any],
+        betas: NDArray[Any] | None = None,
+        translation: NDArray[Any] | None = None,
+        correctives: bool = True,
+    ) -> NDArray[Any]:
+        """Posed vertices (..., V, 3).
+
+        poses        (..., 24, 3) or (..., 72) axis-angle, radians, relative to the parent
+        betas        (S,) shape coefficients
+        translation  (..., 3) metres
+        correctives  add the pose correctives before skinning (SMPL equation 9)
+        """
+        poses = np.asarray(poses, dtype=self.dtype)
+        if poses.shape[-1] == 3 * JOINT_COUNT:
+            poses = poses.reshape(*poses.shape[:-1], JOINT_COUNT, 3)
+        rotations = axis_angle_to_matrix(poses)
+        vertices = self.shaped(betas)
+        if correctives:
+            features = rotations[..., 1:, :, :] - np.eye(3, dtype=self.dtype)
+            features = features.reshape(*poses.shape[:-2], -1)
+            vertices = vertices + (features @ self._posedirs_matrix).reshape(*poses.shape[:-2], -1, 3)
+        moved = None if translation is None else np.asarray(translation, dtype=self.dtype)
+        return skin(vertices, self.weights, joint_transforms(rotations, self.joints(betas), moved))
