@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.errors import GarmentcError
+from garmentc.smpl.correctives import PoseCorrectives
 from garmentc.smpl.rotations import axis_angle_to_matrix
 from garmentc.smpl.skeleton import JOINT_COUNT
 from garmentc.smpl.skinning import joint_transforms, skin
@@ -26,9 +28,9 @@ class BodyModel:
     faces        (F, 3) int32 triangles, counter-clockwise from outside
     weights      (V, 24) blend weights, rows sum to 1
     shapedirs    (V, 3, S) metres per unit of each shape coefficient
-    posedirs     (V, 3, 207) pose correctives for the row-major entries of R[1:] - I
     J_template   (24, 3) rest joints of the mean shape
     J_shapedirs  (24, 3, S)
+    correctives  pose correctives; `posedirs` is the dense array
 
     Arrays are float64: the reference. `astype(np.float32)` gives the fast path; results follow the arrays' dtype.
     """
@@ -39,13 +41,13 @@ class BodyModel:
     faces: NDArray[np.int32]
     weights: NDArray[Any]
     shapedirs: NDArray[Any]
-    posedirs: NDArray[Any]
     J_template: NDArray[Any]
     J_shapedirs: NDArray[Any]
+    correctives: PoseCorrectives
 
     def astype(self, dtype: type[np.floating[Any]]) -> BodyModel:
         """The same body with every float array in `dtype`."""
-        names = ("v_template", "weights", "shapedirs", "posedirs", "J_template", "J_shapedirs")
+        names = ("v_template", "weights", "shapedirs", "J_template", "J_shapedirs", "correctives")
         return replace(self, **{name: getattr(self, name).astype(dtype) for name in names})
 
     @property
@@ -53,22 +55,32 @@ class BodyModel:
         return self.v_template.dtype
 
     @cached_property
-    def _posedirs_matrix(self) -> NDArray[Any]:
-        return np.ascontiguousarray(self.posedirs.reshape(-1, self.posedirs.shape[-1]).T)
+    def posedirs(self) -> NDArray[Any]:
+        """(V, 3, 207) pose correctives for the row-major entries of R[1:] - I; filled when first asked for."""
+        return self.correctives.dense(len(self.v_template))
 
     def _betas(self, betas: NDArray[Any] | None) -> NDArray[Any]:
         given = np.zeros(0) if betas is None else np.asarray(betas)
-        padded = np.zeros(self.shapedirs.shape[-1], dtype=self.dtype)
-        padded[: len(given)] = given
+        count = self.shapedirs.shape[-1]
+        if given.ndim != 1 or given[count:].any():
+            shape = "x".join(map(str, given.shape))
+            raise GarmentcError(f"got {shape} shape coefficients (betas), but the body '{self.name}' has {count}")
+        padded = np.zeros(count, dtype=self.dtype)
+        padded[: len(given)] = given[:count]
         return padded
 
     def shaped(self, betas: NDArray[Any] | None = None) -> NDArray[Any]:
-        """Rest vertices (V, 3) of the body with shape `betas` (at most S coefficients, missing ones are zero)."""
-        return self.v_template + self.shapedirs @ self._betas(betas)
+        """Rest vertices (V, 3) of the body with shape `betas`: up to S coefficients, missing ones are zero.
+
+        Raises GarmentcError where a coefficient beyond the S-th is not zero.
+        """
+        vertices: NDArray[Any] = self.v_template + self.shapedirs @ self._betas(betas)
+        return vertices
 
     def joints(self, betas: NDArray[Any] | None = None) -> NDArray[Any]:
         """Rest joints (24, 3) of the body with shape `betas`."""
-        return self.J_template + self.J_shapedirs @ self._betas(betas)
+        joints: NDArray[Any] = self.J_template + self.J_shapedirs @ self._betas(betas)
+        return joints
 
     def posed(
         self,
@@ -88,10 +100,9 @@ class BodyModel:
         if poses.shape[-1] == 3 * JOINT_COUNT:
             poses = poses.reshape(*poses.shape[:-1], JOINT_COUNT, 3)
         rotations = axis_angle_to_matrix(poses)
-        vertices = self.shaped(betas)
+        shaped = self.shaped(betas)
+        vertices = np.array(np.broadcast_to(shaped, (*poses.shape[:-2], *shaped.shape)))
         if correctives:
-            features = rotations[..., 1:, :, :] - np.eye(3, dtype=self.dtype)
-            features = features.reshape(*poses.shape[:-2], -1)
-            vertices = vertices + (features @ self._posedirs_matrix).reshape(*poses.shape[:-2], -1, 3)
+            self.correctives.add_to(vertices, rotations)
         moved = None if translation is None else np.asarray(translation, dtype=self.dtype)
         return skin(vertices, self.weights, joint_transforms(rotations, self.joints(betas), moved))

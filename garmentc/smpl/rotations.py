@@ -18,7 +18,8 @@ def axis_angle_to_matrix(axis_angle: NDArray[Any]) -> NDArray[Any]:
     cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*axis_angle.shape, 3)
     sine = np.where(small, 1 - angle**2 / 6, np.sin(safe) / safe)
     cosine = np.where(small, 0.5 - angle**2 / 24, (1 - np.cos(safe)) / safe**2)
-    return np.eye(3, dtype=axis_angle.dtype) + sine * cross + cosine * (cross @ cross)
+    matrix: NDArray[Any] = np.eye(3, dtype=axis_angle.dtype) + sine * cross + cosine * (cross @ cross)
+    return matrix
 
 
 def axis_angle_to_quaternion(axis_angle: NDArray[Any]) -> NDArray[Any]:
@@ -47,7 +48,10 @@ def quaternion_to_axis_angle(quaternion: NDArray[Any]) -> NDArray[Any]:
     q = np.where(q[..., 3:] < 0, -q, q)
     sine = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
     angle = 2 * np.arctan2(sine, q[..., 3:])
-    return q[..., :3] * np.where(sine < 1e-12, 2.0, angle / np.where(sine < 1e-12, 1, sine)).astype(q.dtype)
+    small = sine < 1e-12
+    scale: NDArray[Any] = np.where(small, 2.0, angle / np.where(small, 1, sine)).astype(q.dtype)
+    axis_angle: NDArray[Any] = q[..., :3] * scale
+    return axis_angle
 
 
 def matrix_to_quaternion(matrix: NDArray[Any]) -> NDArray[Any]:
@@ -69,6 +73,6 @@ def matrix_to_quaternion(matrix: NDArray[Any]) -> NDArray[Any]:
         ]
     )
     best = np.argmax(squares, axis=0)
-    q = np.take_along_axis(candidates, best[None, ..., None], axis=0)[0]
-    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    largest: NDArray[Any] = np.take_along_axis(candidates, best[None, ..., None], axis=0)[0]
+    q = largest / np.linalg.norm(largest, axis=-1, keepdims=True)
     return np.where(q[..., 3:] < 0, -q, q)

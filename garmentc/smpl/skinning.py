@@ -50,4 +50,5 @@ def skin(vertices: NDArray[Any], weights: NDArray[Any], transforms: NDArray[Any]
     batch = transforms.shape[:-3]
     flat = np.ascontiguousarray(transforms[..., :3, :]).reshape(*batch, weights.shape[1], 12)
     blended = (weights @ flat).reshape(*batch, len(weights), 3, 4)
-    return np.einsum("...ij,...j->...i", blended[..., :3], vertices) + blended[..., 3]
+    posed: NDArray[Any] = np.einsum("...ij,...j->...i", blended[..., :3], vertices) + blended[..., 3]
+    return posed
