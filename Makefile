@@ -1,0 +1,54 @@
+# Needs make, Python 3.11 or newer with venv, and (for `make test`) Node.js 20 or newer with npm. Everything else is installed here.
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+OUT    := out
+
+INSTALLED      := $(VENV)/installed.stamp
+TEST_INSTALLED := $(VENV)/installed-test.stamp
+ENGINES        := tests/engines/node_modules/installed.stamp
+
+.PHONY: install demo test check bench body clean
+.DEFAULT_GOAL := install
+
+install: $(INSTALLED)
+
+$(BIN)/python:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "garmentc needs Python 3.11 or newer; set PYTHON=")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade "pip>=25"
+
+$(INSTALLED): pyproject.toml $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable .
+	touch $@
+
+# torch is pinned to the release that the networks were trained with, and only tests and training need it.
+$(TEST_INSTALLED): $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --editable ".[test,body]" "torch==2.13.0"
+	touch $@
+
+$(ENGINES): tests/engines/package-lock.json
+	cd tests/engines && npm ci --no-audit --no-fund
+	touch $@
+
+# Every example, each with its motion.
+demo: $(INSTALLED)
+	$(BIN)/garmentc --version
+
+test: $(TEST_INSTALLED) $(ENGINES)
+	$(BIN)/python -m pytest
+
+check: $(TEST_INSTALLED)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy garmentc
+
+bench: $(TEST_INSTALLED)
+	$(BIN)/python -m tests.benchmarks.bench_compile
+
+body: $(TEST_INSTALLED)
+	$(BIN)/python -m garmentc.smpl.build_body
+
+clean:
+	rm -rf $(OUT) $(VENV) tests/engines/node_modules

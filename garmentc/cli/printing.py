@@ -1,0 +1,53 @@
+"""What the commands print: results on stdout, everything else on stderr."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import click
+
+from garmentc.errors import Diagnostic
+
+
+def print_error(message: str) -> None:
+    """One line on stderr."""
+    click.echo("garmentc: error: " + " ".join(message.split()), err=True)
+
+
+def print_warnings(warnings: Iterable[Diagnostic]) -> None:
+    """One line each on stderr."""
+    for warning in warnings:
+        click.echo(f"garmentc: warning: {warning}", err=True)
+
+
+def print_json(document: Any) -> None:
+    """The machine-readable result on stdout."""
+    json.dump(document, sys.stdout, indent=2, allow_nan=False)
+    sys.stdout.write("\n")
+
+
+def table(rows: Sequence[Sequence[Any]], header: Sequence[str] | None = None) -> str:
+    """Columns as wide as they need to be; numbers to the right, words to the left."""
+    shown = [[str(cell) for cell in row] for row in ([header, *rows] if header else rows)]
+    if not shown:
+        return ""
+    widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
+    right = [all(isinstance(cell, (int, float)) for cell in column) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(cell.rjust(w) if r else cell.ljust(w) for cell, w, r in zip(row, widths, right, strict=True)).rstrip()
+        for row in shown
+    ]
+    return "\n".join(lines)
+
+
+def file_size(count: int) -> str:
+    """A number of bytes as people read it."""
+    size = float(count)
+    for unit in ("B", "KiB", "MiB"):
+        if size < 1024:
+            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
+        size /= 1024
+    return f"{size:.2f} GiB"

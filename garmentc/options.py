@@ -1,0 +1,134 @@
+"""What a compile can be told: one frozen dataclass for the command line and the Python API alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Literal, get_args
+
+from garmentc.errors import GarmentcError
+
+Family = Literal["deepsd"]
+Gender = Literal["auto", "female", "male", "neutral"]
+RestPose = Literal["auto", "t", "a"]
+Sparse = Literal["auto", "never"]
+Units = Literal["auto", "m", "dm", "cm", "mm", "in", "ft"]
+Unwrap = Literal["auto", "never", "always"]
+UpAxis = Literal["auto", "y", "z"]
+ProfileName = Literal["mobile", "web", "desktop", "reference"]
+
+_CHOICES = {
+    "gender": get_args(Gender),
+    "motion_up": get_args(UpAxis),
+    "units": get_args(Units),
+    "up": get_args(UpAxis),
+    "pose": get_args(RestPose),
+    "profile": get_args(ProfileName),
+    "sparse": (*get_args(Sparse), None),
+    "unwrap": get_args(Unwrap),
+    "family": get_args(Family),
+    "influences": (4, 8, None),
+}
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Pass settings with a name.
+
+    influences  joints that may move a vertex: 4 or 8
+    morphs      blend shapes kept; None keeps all
+    quantize    integer vertex attributes instead of float32
+    sparse      store a morph target's zeros implicitly where that is smaller
+    """
+
+    influences: int
+    morphs: int | None
+    quantize: bool
+    sparse: Sparse
+
+
+PROFILES: dict[ProfileName, Profile] = {
+    "mobile": Profile(influences=4, morphs=8, quantize=True, sparse="auto"),
+    "web": Profile(influences=4, morphs=32, quantize=True, sparse="auto"),
+    "desktop": Profile(influences=8, morphs=64, quantize=False, sparse="auto"),
+    "reference": Profile(influences=8, morphs=None, quantize=False, sparse="never"),
+}
+
+
+@dataclass(frozen=True)
+class CompileOptions:
+    """Every option of `garmentc compile`, by the same name. Paths may be given as strings.
+
+    body                     the user's SMPL, SMPL-H or SMPL-X model; None is the default body
+    gender                   "auto" takes the body that the outfit fits best
+    betas                    shape coefficients; None takes those of `params`, then of the first motion, then zeros
+    params                   JSON or npz file of gender, betas and pose
+    motions                  motion files (AMASS npz or BVH), each becomes an animation
+    motion_up, units, up     "auto" detects and reports
+    pose                     rest pose of the outfit
+    profile                  named settings of the passes; the five options after it override single ones
+    influences               4 or 8
+    morphs                   number of blend shapes
+    morph_tolerance          metres; as few blend shapes as keep the error below it
+    quantize, sparse         see Profile
+    unwrap                   make texture coordinates where there are none
+    allow_external_textures  read textures outside the OBJ's folder
+    pose_keys                write the pose-key network into the glb
+    keys_onnx                also write the pose-key network as an ONNX file
+    bundle                   folder of a model bundle; None is the one that ships with the package
+    family                   model family
+    name                     name of the asset; None is the OBJ's file name
+    """
+
+    body: Path | None = None
+    gender: Gender = "auto"
+    betas: tuple[float, ...] | None = None
+    params: Path | None = None
+    motions: tuple[Path, ...] = ()
+    motion_up: UpAxis = "auto"
+    units: Units = "auto"
+    up: UpAxis = "auto"
+    pose: RestPose = "auto"
+    profile: ProfileName = "web"
+    influences: int | None = None
+    morphs: int | None = None
+    morph_tolerance: float | None = None
+    quantize: bool | None = None
+    sparse: Sparse | None = None
+    unwrap: Unwrap = "auto"
+    allow_external_textures: bool = False
+    pose_keys: bool = True
+    keys_onnx: Path | None = None
+    bundle: Path | None = None
+    family: Family = "deepsd"
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("body", "params", "keys_onnx", "bundle"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, Path(getattr(self, name)))
+        object.__setattr__(self, "motions", tuple(Path(motion) for motion in self.motions))
+        if self.betas is not None:
+            object.__setattr__(self, "betas", tuple(float(beta) for beta in self.betas))
+        self._check()
+
+    def _check(self) -> None:
+        """Raise GarmentcError for the first value that no compile could use."""
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                offered = ", ".join(str(choice) for choice in choices if choice is not None)
+                raise GarmentcError(f"{name} is {getattr(self, name)!r}; choose one of {offered}")
+        if self.morphs is not None and self.morphs < 0:
+            raise GarmentcError(f"morphs is {self.morphs}; choose 0 or more")
+        if self.morph_tolerance is not None and not self.morph_tolerance > 0:
+            raise GarmentcError(f"morph_tolerance is {self.morph_tolerance} m; choose a length above zero")
+        if self.morphs is not None and self.morph_tolerance is not None:
+            raise GarmentcError("morphs and morph_tolerance are both given; choose one")
+
+    @property
+    def settings(self) -> Profile:
+        """The profile with this compile's own settings laid over it."""
+        base = PROFILES[self.profile]
+        own = {field.name: getattr(self, field.name) for field in fields(Profile)}
+        chosen = {name: getattr(base, name) if value is None else value for name, value in own.items()}
+        return Profile(**chosen)
