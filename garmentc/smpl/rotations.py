@@ -73,6 +73,7 @@ def matrix_to_quaternion(matrix: NDArray[Any]) -> NDArray[Any]:
         ]
     )
     best = np.argmax(squares, axis=0)
-    largest: NDArray[Any] = np.take_along_axis(candidates, best[None, ..., None], axis=0)[0]
+    largest = np.take_along_axis(candidates, best[None, ..., None], axis=0)[0]
     q = largest / np.linalg.norm(largest, axis=-1, keepdims=True)
-    return np.where(q[..., 3:] < 0, -q, q)
+    unit: NDArray[Any] = np.where(q[..., 3:] < 0, -q, q)
+    return unit

@@ -47,8 +47,12 @@ def skin(vertices: NDArray[Any], weights: NDArray[Any], transforms: NDArray[Any]
     transforms  (..., K, 4, 4)
     returns     (..., N, 3)
     """
-    batch = transforms.shape[:-3]
-    flat = np.ascontiguousarray(transforms[..., :3, :]).reshape(*batch, weights.shape[1], 12)
-    blended = (weights @ flat).reshape(*batch, len(weights), 3, 4)
-    posed: NDArray[Any] = np.einsum("...ij,...j->...i", blended[..., :3], vertices) + blended[..., 3]
+    x, y, z, offset = np.moveaxis(transforms[..., :3, :], -1, 0)  # columns of the 3x4 matrices
+    blended = weights @ np.concatenate([x, y, z, offset], axis=-1)
+    posed: NDArray[Any] = (
+        vertices[..., 0:1] * blended[..., 0:3]
+        + vertices[..., 1:2] * blended[..., 3:6]
+        + vertices[..., 2:3] * blended[..., 6:9]
+        + blended[..., 9:12]
+    )
     return posed
