@@ -1,7 +1,7 @@
 """garmentc: an asset compiler for clothing.
 
     import garmentc
-    report = garmentc.compile_outfit("outfit.obj", "outfit.glb", motions=["walk.npz"], profile="web")
+    report = garmentc.compile_outfit("outfit.obj", "outfit.glb", motion="walk.npz", profile="web")
 
 Importing this package imports nothing heavy; the names below load on first use.
 """

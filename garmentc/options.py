@@ -61,9 +61,9 @@ class CompileOptions:
 
     body                     the user's SMPL, SMPL-H or SMPL-X model; None is the default body
     gender                   "auto" takes the body that the outfit fits best
-    betas                    shape coefficients; None takes those of `params`, then of the first motion, then zeros
+    betas                    shape coefficients; None takes those of `params`, then of the motion, then zeros
     params                   JSON or npz file of gender, betas and pose
-    motions                  motion files (AMASS npz or BVH), each becomes an animation
+    motion                   motion file (AMASS npz or BVH) that becomes the animation
     motion_up, units, up     "auto" detects and reports
     pose                     rest pose of the outfit
     profile                  named settings of the passes; the five options after it override single ones
@@ -84,7 +84,7 @@ class CompileOptions:
     gender: Gender = "auto"
     betas: tuple[float, ...] | None = None
     params: Path | None = None
-    motions: tuple[Path, ...] = ()
+    motion: Path | None = None
     motion_up: UpAxis = "auto"
     units: Units = "auto"
     up: UpAxis = "auto"
@@ -104,10 +104,9 @@ class CompileOptions:
     name: str | None = None
 
     def __post_init__(self) -> None:
-        for name in ("body", "params", "keys_onnx", "bundle"):
+        for name in ("body", "params", "motion", "keys_onnx", "bundle"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, Path(getattr(self, name)))
-        object.__setattr__(self, "motions", tuple(Path(motion) for motion in self.motions))
         if self.betas is not None:
             object.__setattr__(self, "betas", tuple(float(beta) for beta in self.betas))
         self._check()

@@ -36,10 +36,13 @@ def _is_special(target: Path) -> bool:
 
 
 def _temporary(target: Path) -> Path:
-    """The file beside `target` that collects its bytes. OSError where `target` is a folder."""
+    """The file beside `target` that collects its bytes."""
+    return target.with_name(f".{target.name}.{os.getpid()}.tmp")
+
+
+def _refuse_folder(target: Path) -> None:
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
-    return target.with_name(f".{target.name}.{os.getpid()}.tmp")
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
@@ -47,8 +50,9 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     target = Path(os.path.realpath(path))
     if _is_special(target):
         return
+    temporary = _temporary(target)
     try:
-        temporary = _temporary(target)
+        _refuse_folder(target)
         temporary.open("wb").close()
         temporary.unlink()
     except OSError as error:
@@ -63,12 +67,13 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     Raises GarmentcError with a remedy where the file cannot be written.
     """
     target = Path(os.path.realpath(path))
+    temporary = _temporary(target)
     try:
         if _is_special(target):
             with target.open("wb") as file:
                 yield file
             return
-        temporary = _temporary(target)
+        _refuse_folder(target)
         try:
             with temporary.open("wb") as file:
                 yield file
@@ -78,6 +83,6 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
                 temporary.unlink()
             raise
     except OSError as error:
-        if error.filename is not None and Path(error.filename).parent != target.parent:
+        if error.filename is not None and Path(error.filename) not in (target, temporary):
             raise  # the block failed to read some other file: not ours to explain
         raise cannot_write(path, error) from error

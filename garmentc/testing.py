@@ -9,9 +9,6 @@
 
 from __future__ import annotations
 
-import shutil
-from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 

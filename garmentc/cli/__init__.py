@@ -1,4 +1,4 @@
-"""The `garmentc` command: argument parsing and printing only, one file per subcommand, each imported when it is used."""
+"""The `garmentc` command: argument parsing and printing, one file per subcommand, each imported when it is used."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Commands(click.Group):
             formatter.write_dl(list(COMMANDS.items()))
 
 
-@click.command(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="garmentc", message="%(prog)s %(version)s")
 def commands() -> None:
     """An asset compiler for clothing.
@@ -62,6 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, click.Abort):
         print_error("interrupted; no output file was changed")
         return EXIT_INTERRUPTED
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message(), err=True)
     except click.ClickException as error:
         context = getattr(error, "ctx", None)
         hint = f"; see '{context.command_path} --help'" if context is not None else ""

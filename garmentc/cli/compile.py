@@ -1,0 +1,61 @@
+"""garmentc compile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, get_args
+
+import click
+
+from garmentc import options as choices
+from garmentc.cli.parameters import Length, Numbers
+from garmentc.options import CompileOptions
+
+PATH = click.Path(path_type=Path)
+
+
+def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
+    """An option with fixed words, and CompileOptions' default for it."""
+    default = getattr(CompileOptions, flag.removeprefix("--").replace("-", "_"))
+    return click.option(
+        flag, type=click.Choice(get_args(literal)), default=default, show_default=default is not None, help=description
+    )
+
+
+@click.command("compile")
+@click.argument("outfit", type=PATH, metavar="OUTFIT.obj")
+@click.option("-o", "--output", type=PATH, metavar="OUT.glb", required=True, help="File to write.")
+@click.option("--body", type=PATH, metavar="FILE", help="SMPL, SMPL-H or SMPL-X model (.npz, .pkl) to dress.")
+@_choice("--gender", choices.Gender, "Body; auto takes the one that the outfit fits best.")
+@click.option("--betas", type=Numbers(), metavar="B0,B1,...", help="Shape coefficients of the body.")
+@click.option("--params", type=PATH, metavar="FILE", help="Gender, betas and pose in a .json or .npz file.")
+@click.option("--motion", type=PATH, metavar="FILE", help="Motion (AMASS .npz, .bvh) to bake as an animation.")
+@_choice("--motion-up", choices.UpAxis, "Up axis of the motion.")
+@_choice("--units", choices.Units, "Length unit of the outfit.")
+@_choice("--up", choices.UpAxis, "Up axis of the outfit.")
+@_choice("--pose", choices.RestPose, "Rest pose of the outfit: T-pose or A-pose.")
+@_choice("--profile", choices.ProfileName, "Named settings of the passes.")
+@click.option("--influences", type=click.Choice([4, 8]), help="Joints that may pull one vertex.")
+@click.option("--morphs", type=click.IntRange(min=0), metavar="N", help="Number of morph targets to keep.")
+@click.option("--morph-tolerance", type=Length(), metavar="0.5mm", help="Keep as few morphs as hold this error.")
+@click.option("--quantize/--no-quantize", default=None, help="Integer instead of float vertex attributes.")
+@_choice("--sparse", choices.Sparse, "Sparse morph targets where they are smaller.")
+@_choice("--unwrap", choices.Unwrap, "Make texture coordinates where there are none.")
+@click.option("--allow-external-textures", is_flag=True, help="Read textures outside the outfit's folder.")
+@click.option(
+    "--pose-keys/--no-pose-keys", default=True, show_default=True, help="Write the pose-key network into the glb."
+)
+@click.option("--keys-onnx", type=PATH, metavar="OUT.onnx", help="Also write the pose-key network as ONNX.")
+@_choice("--family", choices.Family, "Model family.")
+@click.option("--bundle", type=PATH, metavar="DIR", help="Model bundle to use instead of the one shipped.")
+@click.option("--name", metavar="NAME", help="Name of the asset; otherwise the file name.")
+@click.option("--report", type=PATH, metavar="OUT.json", help="Write what was done, with times and errors.")
+@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
+@click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
+def command(outfit: Path, output: Path, report: Path | None, as_json: bool, quiet: bool, **given: Any) -> None:
+    """Compile OUTFIT.obj and SMPL parameters to one .glb.
+
+    Whatever is not given is detected, or comes from the profile, and is reported.
+    """
+    options = CompileOptions(**given)

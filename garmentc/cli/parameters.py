@@ -1,0 +1,34 @@
+"""Types of command line values."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import click
+
+_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+
+
+class Length(click.ParamType[float]):
+    """A length with its unit, such as 0.5mm; metres."""
+
+    name = "length"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        match = re.fullmatch(r"\s*([0-9.]+(?:e-?[0-9]+)?)\s*(mm|cm|m)\s*", str(value))
+        if match is None:
+            self.fail(f"'{value}' is no length; write a number and mm, cm or m, such as 0.5mm", param, ctx)
+        return float(match[1]) * _METRES[match[2]]
+
+
+class Numbers(click.ParamType[tuple[float, ...]]):
+    """Numbers with commas between them, such as 0.5,-1.2."""
+
+    name = "numbers"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        try:
+            return tuple(float(part) for part in str(value).split(",") if part.strip())
+        except ValueError:
+            self.fail(f"'{value}' is no list of numbers; write them with commas between, such as 0.5,-1.2", param, ctx)
