@@ -1,0 +1,130 @@
+"""What training holds of one outfit, and the bodies it is posed on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from garmentc.outfit.topology import edges_of, vertex_normals
+from garmentc.smpl.body import BodyModel
+from garmentc.smpl.rotations import axis_angle_to_matrix
+from garmentc.smpl.skeleton import MIRROR
+from garmentc.smpl.skinning import joint_transforms, skin
+
+
+@dataclass(frozen=True)
+class OutfitSample:
+    """One outfit at rest on its body, as tensors.
+
+    vertices, normals  (N, 3) float32
+    triangles, edges   (F, 3), (E, 2) int64
+    rest_lengths       (E,) metres
+    counts             (N,) neighbours of each vertex
+    mean               (N, N) sparse: the mean over neighbours
+    prior              (N, 24) blend weights of the nearest body vertex
+    body               the body it was made for, shape baked in, float32
+    """
+
+    name: str
+    vertices: Tensor
+    normals: Tensor
+    triangles: Tensor
+    edges: Tensor
+    rest_lengths: Tensor
+    counts: Tensor
+    mean: Tensor
+    prior: Tensor
+    body: PosableBody
+
+
+@dataclass(frozen=True)
+class PosableBody:
+    """A body of fixed shape that is posed often: vertices (V, 3), weights (V, 24), all float32."""
+
+    vertices: NDArray[Any]
+    faces: NDArray[np.int32]
+    joints: NDArray[Any]
+    weights: NDArray[Any]
+    model: BodyModel
+
+    @staticmethod
+    def of(model: BodyModel, betas: NDArray[Any]) -> PosableBody:
+        small = model.astype(np.float32)
+        return PosableBody(small.shaped(betas), small.faces, small.joints(betas), small.weights, small)
+
+    def transforms(self, poses: NDArray[Any]) -> NDArray[Any]:
+        """Joint transforms (T, 24, 4, 4) of poses (T, 24, 3)."""
+        return joint_transforms(axis_angle_to_matrix(poses.astype(np.float32)), self.joints)
+
+    def posed(self, poses: NDArray[Any], transforms: NDArray[Any]) -> NDArray[Any]:
+        """Body vertices (T, V, 3), pose correctives on."""
+        rotations = axis_angle_to_matrix(poses.astype(np.float32))
+        vertices = np.repeat(self.vertices[None], len(poses), axis=0)
+        self.model.correctives.add_to(vertices, rotations)
+        return skin(vertices, self.weights, transforms)
+
+
+def body_normals(vertices: NDArray[Any], faces: NDArray[np.int32]) -> NDArray[Any]:
+    """Area-weighted unit normals (T, V, 3) of posed bodies (T, V, 3)."""
+    a, b, c = (vertices[:, faces[:, k]] for k in range(3))
+    face = np.cross(b - a, c - a)
+    count = vertices.shape[1]
+    rows = faces.T.ravel()
+    gather = sparse.csr_matrix(
+        (np.ones(len(rows), np.float32), (rows, np.tile(np.arange(len(faces)), 3))), shape=(count, len(faces))
+    )
+    total = np.stack([gather @ f for f in face])
+    return total / np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-12)
+
+
+def nearest_on_bodies(
+    points: NDArray[Any], bodies: NDArray[Any], normals: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The nearest body vertex of every point (T, N, 3) and its normal, each (T, N, 3)."""
+    nearest = [cKDTree(body, balanced_tree=False).query(p)[1] for p, body in zip(points, bodies, strict=True)]
+    picked = np.stack([body[i] for body, i in zip(bodies, nearest, strict=True)])
+    picked_normals = np.stack([n[i] for n, i in zip(normals, nearest, strict=True)])
+    return picked.astype(np.float32), picked_normals.astype(np.float32)
+
+
+def make_sample(name: str, vertices: NDArray[Any], triangles: NDArray[np.int32], body: PosableBody) -> OutfitSample:
+    """Precompute everything about an outfit that does not change in training."""
+    edges = edges_of(triangles)
+    count = len(vertices)
+    both = np.concatenate([edges, edges[:, ::-1]])
+    adjacency = sparse.csr_matrix((np.ones(len(both), np.float32), (both[:, 0], both[:, 1])), shape=(count, count))
+    degree = np.asarray(adjacency.sum(axis=1)).ravel()
+    mean = sparse.diags(1 / np.maximum(degree, 1)) @ adjacency
+    mean = mean.tocsr().astype(np.float32)
+    nearest = cKDTree(body.vertices).query(vertices)[1]
+    points = torch.from_numpy(np.asarray(vertices, np.float32))
+    edge_tensor = torch.from_numpy(edges.astype(np.int64))
+    return OutfitSample(
+        name=name,
+        vertices=points,
+        normals=torch.from_numpy(vertex_normals(vertices, triangles).astype(np.float32)),
+        triangles=torch.from_numpy(triangles.astype(np.int64)),
+        edges=edge_tensor,
+        rest_lengths=(points[edge_tensor[:, 0]] - points[edge_tensor[:, 1]]).norm(dim=1),
+        counts=torch.from_numpy(degree.astype(np.float32)),
+        mean=torch.sparse_csr_tensor(
+            torch.from_numpy(mean.indptr.astype(np.int64)),
+            torch.from_numpy(mean.indices.astype(np.int64)),
+            torch.from_numpy(mean.data),
+            size=(count, count),
+        ),
+        prior=torch.from_numpy(body.weights[nearest].astype(np.float32)),
+        body=body,
+    )
+
+
+def mirrored_poses(poses: NDArray[Any]) -> NDArray[Any]:
+    """The same poses seen in a mirror (left and right exchanged). (T, 24, 3) to (T, 24, 3)."""
+    return poses[:, MIRROR] * np.array([1, -1, -1], dtype=poses.dtype)

@@ -1,0 +1,240 @@
+"""Train DeePSD on procedural outfits with physics losses alone.
+
+Stage 1 trains Φ, Ω, Ψ and the pose MLP: blend weights start at those of the nearest body vertex, then edge, bend,
+collision and small-deformation losses over random poses take over. Stage 2 trains χ alone, as the paper does.
+Needs no simulation and no motion capture.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from garmentc.rig import encode_pose
+from garmentc.training.deepsd_network import Deepsd, DeepsdConfig
+from garmentc.training.losses import (
+    MM,
+    bend_loss,
+    collision_loss,
+    edge_lengths,
+    edge_loss,
+    skin,
+    vertex_normals,
+)
+from garmentc.training.outfit_sample import OutfitSample
+from garmentc.training.pose_pool import PosedBodies
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """How long, how fast, and what each loss weighs (losses are in mm², see `garmentc.training.losses`)."""
+
+    seed: int = 0
+    minutes: float = 60.0
+    physics_share: float = 0.3  # of the time, for stage 2
+    outfits_per_step: int = 2
+    poses_per_outfit: int = 12
+    learning_rate: float = 1e-3
+    final_learning_rate: float = 3e-5
+    epsilon: float = 0.005  # metres of clearance asked for (the paper's)
+    edge: float = 1.0
+    bend: float = 5.0
+    collision: float = 3.0
+    deformation: float = 0.01
+    prior_share: float = 0.08  # of stage 1 in which the prior on the blend weights fades
+    prior: float = 300.0
+    prior_floor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Example:
+    """An outfit and the posed bodies it meets."""
+
+    outfit: OutfitSample
+    bodies: PosedBodies
+
+
+@dataclass
+class TrainingState:
+    """What a checkpoint holds beside the network."""
+
+    stage: int = 1
+    step: int = 0
+    seconds: float = 0.0  # of training so far, in all sessions
+
+
+def posed_outfit(network: Deepsd, example: Example, chosen: NDArray[Any], stage: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Posed vertices (B, N, 3), the deformations before skinning (B, N, 3) and blend weights (N, 24)."""
+    outfit, bodies = example.outfit, example.bodies
+    with torch.set_grad_enabled(stage == 1 and torch.is_grad_enabled()):
+        descriptors = network.descriptors(outfit.vertices, outfit.normals, outfit.mean)
+        weights = network.blend_weights(descriptors)
+        features = torch.from_numpy(encode_pose(bodies.poses[chosen]).astype(np.float32))
+        keys = network.pose_keys(features)
+        shapes = network.blend_shapes(descriptors, physics=False)
+    if stage == 2:
+        shapes = shapes + network.blend_shapes(descriptors, data=False)
+    deformations = torch.einsum("bp,npc->bnc", keys, shapes)
+    transforms = torch.from_numpy(bodies.transforms[chosen])
+    return skin(outfit.vertices + deformations, weights, transforms), deformations, weights
+
+
+def physics_losses(
+    vertices: Tensor, deformations: Tensor, example: Example, chosen: NDArray[Any], config: TrainingConfig
+) -> dict[str, Tensor]:
+    """The paper's four physics terms, unweighted."""
+    outfit = example.outfit
+    points, normals = example.bodies.nearest(chosen, vertices.detach().numpy())
+    return {
+        "edge": edge_loss(edge_lengths(vertices, outfit.edges), outfit.rest_lengths),
+        "bend": bend_loss(vertex_normals(vertices, outfit.triangles), outfit.edges, outfit.counts),
+        "collision": collision_loss(vertices, torch.from_numpy(points), torch.from_numpy(normals), config.epsilon),
+        "deformation": (deformations * MM).square().sum(dim=-1).mean(),
+    }
+
+
+def train(
+    examples: list[Example],
+    held_out: list[Example],
+    config: TrainingConfig,
+    folder: Path,
+    network_config: DeepsdConfig | None = None,
+    log: Callable[[str], None] = print,
+) -> Deepsd:
+    """Train until the time is up; continue from `folder`/checkpoint.pt where there is one."""
+    folder.mkdir(parents=True, exist_ok=True)
+    torch.manual_seed(config.seed)
+    network = Deepsd(network_config)
+    state = TrainingState()
+    checkpoint = folder / "checkpoint.pt"
+    optimizer_state: dict[str, Any] | None = None
+    if checkpoint.exists():
+        saved = torch.load(checkpoint, weights_only=True)
+        network.load_state_dict(saved["network"])
+        state = TrainingState(**saved["state"])
+        optimizer_state = saved["optimizer"]
+    for stage in (1, 2):
+        if state.stage > stage:
+            continue
+        if state.stage < stage:
+            state, optimizer_state = TrainingState(stage=stage, seconds=state.seconds), None
+        _train_stage(network, examples, held_out, config, state, optimizer_state, checkpoint, log)
+        optimizer_state = None
+    return network
+
+
+def _stage_end(config: TrainingConfig, stage: int) -> float:
+    whole = 60 * config.minutes
+    return whole * (1 - config.physics_share) if stage == 1 else whole
+
+
+def _train_stage(
+    network: Deepsd,
+    examples: list[Example],
+    held_out: list[Example],
+    config: TrainingConfig,
+    state: TrainingState,
+    optimizer_state: dict[str, Any] | None,
+    checkpoint: Path,
+    log: Callable[[str], None],
+) -> None:
+    heads = list(network.physics_head.parameters())
+    ids = {id(p) for p in heads}
+    parameters = heads if state.stage == 2 else [p for p in network.parameters() if id(p) not in ids]
+    optimizer = torch.optim.Adam(parameters, lr=config.learning_rate)
+    if optimizer_state is not None:
+        optimizer.load_state_dict(optimizer_state)
+    start = 0.0 if state.stage == 1 else _stage_end(config, 1)
+    end = _stage_end(config, state.stage)
+    saved_at = logged_at = time.monotonic()
+    sums: dict[str, float] = {}
+    count = 0
+    while state.seconds < end:
+        began = time.monotonic()
+        done = (state.seconds - start) / (end - start)
+        rng = np.random.default_rng([config.seed, state.stage, state.step])
+        rate = config.final_learning_rate + (config.learning_rate - config.final_learning_rate) * 0.5 * (
+            1 + np.cos(np.pi * done)
+        )
+        for group in optimizer.param_groups:
+            group["lr"] = rate
+        optimizer.zero_grad()
+        for index in rng.choice(len(examples), config.outfits_per_step, replace=False):
+            example = examples[index]
+            chosen = rng.choice(len(example.bodies), config.poses_per_outfit, replace=False)
+            vertices, deformations, weights = posed_outfit(network, example, chosen, state.stage)
+            losses = physics_losses(vertices, deformations, example, chosen, config)
+            total = (
+                config.edge * losses["edge"]
+                + config.bend * losses["bend"]
+                + config.collision * losses["collision"]
+                + config.deformation * losses["deformation"]
+            )
+            if state.stage == 1:
+                losses["prior"] = (weights - example.outfit.prior).square().sum(dim=1).mean()
+                fading = max(0.0, 1 - done / config.prior_share)
+                total = total + (config.prior * fading + config.prior_floor) * losses["prior"]
+            (total / config.outfits_per_step).backward()  # type: ignore[no-untyped-call]
+            for name, value in losses.items():
+                sums[name] = sums.get(name, 0.0) + float(value)
+            count += 1
+        torch.nn.utils.clip_grad_norm_(parameters, 50.0)
+        optimizer.step()
+        state.step += 1
+        now = time.monotonic()
+        state.seconds += now - began
+        if now - logged_at > 60:
+            terms = " ".join(f"{name} {value / count:.4f}" for name, value in sums.items())
+            measured = measure(network, held_out, state.stage)
+            figures = " ".join(f"{name} {value:.3f}" for name, value in measured.items())
+            place = f"stage {state.stage} step {state.step} {state.seconds / 60:.1f} min lr {rate:.1e}"
+            log(f"{place} | {terms} | {figures}")
+            sums, count, logged_at = {}, 0, time.monotonic()
+        if now - saved_at > 120:
+            _save(network, optimizer, state, checkpoint)
+            saved_at = time.monotonic()
+    _save(network, optimizer, state, checkpoint)
+
+
+def _save(network: Deepsd, optimizer: torch.optim.Optimizer, state: TrainingState, path: Path) -> None:
+    part = path.with_suffix(".part")
+    torch.save({"network": network.state_dict(), "optimizer": optimizer.state_dict(), "state": asdict(state)}, part)
+    part.replace(path)
+
+
+def measure(network: Deepsd | None, examples: list[Example], stage: int = 2) -> dict[str, float]:
+    """Collision share (%) and edge error (mm) over all poses of the examples; without a network, nearest skinning."""
+    collided, edges = [], []
+    with torch.no_grad():
+        for example in examples:
+            outfit = example.outfit
+            chosen = np.arange(len(example.bodies))
+            if network is None:
+                rest = outfit.vertices.expand(len(chosen), -1, -1)
+                vertices = skin(rest, outfit.prior, torch.from_numpy(example.bodies.transforms))
+            else:
+                vertices = posed_outfit(network, example, chosen, stage)[0]
+            points, normals = example.bodies.nearest(chosen, vertices.numpy())
+            clearance = ((vertices.numpy() - points) * normals).sum(axis=-1)
+            collided.append(float((clearance < 0).mean()))
+            edges.append(float((edge_lengths(vertices, outfit.edges) - outfit.rest_lengths).abs().mean()))
+    return {"collided%": 100 * float(np.mean(collided)), "edge_mm": MM * float(np.mean(edges))}
+
+
+def training_record(config: TrainingConfig, state: TrainingState, figures: dict[str, float]) -> dict[str, Any]:
+    """What the bundle's manifest says about how its networks were made."""
+    return {"config": asdict(replace(config)), "figures": figures, "steps": state.step, "seconds": round(state.seconds)}
+
+
+def write_record(record: dict[str, Any], path: Path) -> None:
+    """Write a training record as JSON."""
+    path.write_text(json.dumps(record, indent=2, sort_keys=True) + "\n", encoding="utf-8")
