@@ -1,0 +1,166 @@
+"""The welded mesh: what the networks see. Vertices at one place are one vertex, so no seam can tear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.outfit.outfit import Outfit
+
+WELD_TOLERANCE = 1e-6
+"""Vertices closer than this part of the bounding box's diagonal are one: far below any cloth's thickness,
+above the rounding of six decimals that exporters print."""
+
+
+@dataclass(frozen=True)
+class Welded:
+    """An outfit's vertices merged by position, the unreferenced ones dropped.
+
+    vertex_of  (V,) int32: welded vertex of each OBJ vertex, -1 where no face uses it
+    vertices   (N, 3) float64: the position of the first OBJ vertex at each place
+    triangles  (F', 3) int32: triangles that have three different welded vertices; F' <= F
+    """
+
+    vertex_of: NDArray[np.int32]
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+
+
+def weld(outfit: Outfit, tolerance: float = WELD_TOLERANCE) -> Welded:
+    """Merge vertices at equal positions.
+
+    Equal means exactly equal, or linked by vertices closer than `tolerance` times the diagonal of the bounding box.
+    Welded vertices keep the order in which the OBJ first gives them.
+    """
+    used = np.zeros(len(outfit.vertices), dtype=bool)
+    used[outfit.tri_v] = True
+    index = np.flatnonzero(used)
+    points = outfit.vertices[index]
+    exact = _first_equal(points)
+    representatives = np.flatnonzero(exact == np.arange(len(points)))
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
+    near = _first_near(points[representatives], tolerance * diagonal)
+    place = np.zeros(len(points), dtype=np.int64)
+    place[representatives] = representatives[near]
+    place = place[exact]
+
+    kept = np.flatnonzero(place == np.arange(len(points)))
+    number = np.zeros(len(points), dtype=np.int32)
+    number[kept] = np.arange(len(kept), dtype=np.int32)
+    vertex_of = np.full(len(outfit.vertices), -1, dtype=np.int32)
+    vertex_of[index] = number[place]
+    triangles = vertex_of[outfit.tri_v]
+    return Welded(vertex_of, points[kept], triangles[_proper(triangles)])
+
+
+def edges(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(E, 2) unique undirected edges of triangles (F, 3), the smaller index first, in rising order."""
+    pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    if not len(pairs):
+        return np.zeros((0, 2), dtype=np.int32)
+    keys = np.unique((pairs[:, 0].astype(np.int64) << 32) | pairs[:, 1])
+    return np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1).astype(np.int32)
+
+
+def corner_angles(points: NDArray[np.float64], triangles: NDArray[Any]) -> NDArray[np.float64]:
+    """(F, 3) angle at each corner, radians; 0 where a triangle has no area."""
+    corners = points[triangles]
+    ahead = np.roll(corners, -1, axis=1) - corners
+    behind = np.roll(corners, 1, axis=1) - corners
+    height = np.linalg.norm(np.cross(ahead, behind), axis=2)
+    angles: NDArray[np.float64] = np.arctan2(height, np.einsum("fki,fki->fk", ahead, behind))
+    angles[height == 0] = 0.0
+    return angles
+
+
+def triangle_normals(points: NDArray[np.float64], triangles: NDArray[Any]) -> NDArray[np.float64]:
+    """(F, 3) unit normals; zero where a triangle has no area."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return unit_rows(np.cross(b - a, c - a))
+
+
+def unit_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows scaled to length 1; rows of length 0 stay 0."""
+    length = np.linalg.norm(rows, axis=-1, keepdims=True)
+    unit: NDArray[np.float64] = rows / np.where(length > 0, length, 1.0)
+    return unit
+
+
+def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
+    """(N, 3) unit normals, triangle normals averaged by corner angle (Thuermer and Wuethrich 1998).
+
+    A vertex with no area around it gets (0, 1, 0).
+    """
+    weighted = triangle_normals(vertices, triangles)[:, None] * corner_angles(vertices, triangles)[:, :, None]
+    return averaged_normals(weighted.reshape(-1, 3), triangles.ravel(), len(vertices))
+
+
+def averaged_normals(weighted: NDArray[np.float64], owner: NDArray[Any], count: int) -> NDArray[np.float64]:
+    """(count, 3) unit sums of rows (C, 3) by their owner (C,); (0, 1, 0) where the rows cancel or there are none."""
+    sums = np.stack([np.bincount(owner, weighted[:, axis], minlength=count) for axis in range(3)], axis=1)
+    normals = unit_rows(sums)
+    normals[np.linalg.norm(sums, axis=1) < 1e-12] = (0.0, 1.0, 0.0)
+    return normals
+
+
+def components(triangles: NDArray[np.int32], count: int) -> NDArray[np.int32]:
+    """(count,) int32: which connected piece each vertex belongs to, numbered by their first vertex."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    a, b = (np.concatenate([triangles[:, 0], triangles[:, k]]) for k in (1, 2))
+    rows, columns = a, np.concatenate([triangles[:, 1], triangles[:, 2]])
+    del b
+    graph = coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(count, count))
+    _, label = connected_components(graph, directed=False)
+    return _by_first_use(label)
+
+
+def _by_first_use(label: NDArray[Any]) -> NDArray[np.int32]:
+    """Labels renumbered 0, 1, ... in the order in which they first appear."""
+    _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int32)
+    rank[np.argsort(first)] = np.arange(len(first), dtype=np.int32)
+    return rank[inverse]
+
+
+def _proper(triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
+    a, b, c = triangles.T
+    proper: NDArray[np.bool_] = (a != b) & (b != c) & (c != a)
+    return proper
+
+
+def _first_equal(points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(N,) index of the first point exactly equal to each."""
+    points = points + 0.0  # -0.0 becomes 0.0
+    order = np.lexsort(points.T)
+    ordered = points[order]
+    new = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)]) if len(points) else np.zeros(0, bool)
+    run_starts = np.flatnonzero(new)
+    firsts = np.minimum.reduceat(order, run_starts) if len(points) else order
+    result = np.empty(len(points), dtype=np.int64)
+    result[order] = firsts[np.cumsum(new) - 1]
+    return result
+
+
+def _first_near(points: NDArray[np.float64], radius: float) -> NDArray[np.int64]:
+    """(N,) index of the first point linked to each by steps of at most `radius`."""
+    index = np.arange(len(points))
+    if len(points) < 2 or radius <= 0:
+        return index
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(points).query_pairs(radius, output_type="ndarray")
+    if not len(pairs):
+        return index
+    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    _, label = connected_components(graph, directed=False)
+    firsts = np.full(int(label.max()) + 1, len(points))
+    np.minimum.at(firsts, label, index)
+    result: NDArray[np.int64] = firsts[label]
+    return result
