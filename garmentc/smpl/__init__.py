@@ -1,7 +1,8 @@
 """The body: SMPL's skeleton and formula, the default body, users' bodies, parameters and motions."""
 
 from garmentc.smpl.body import BodyModel
-from garmentc.smpl.default_body import GENDERS, load_default_body
+from garmentc.smpl.default_body import load_default_body
+from garmentc.smpl.gender import GENDERS
 from garmentc.smpl.load import load_body
 from garmentc.smpl.motion import Motion
 

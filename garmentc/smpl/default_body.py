@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from garmentc.errors import GarmentcError
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.correctives import PoseCorrectives
+from garmentc.smpl.gender import GENDERS
 from garmentc.smpl.skeleton import JOINT_COUNT
 
-GENDERS = ("female", "male", "neutral")
 DEFAULT_BODY_PATH = Path(__file__).with_name("default_body.npz")
 
 

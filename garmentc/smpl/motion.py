@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.errors import Diagnostic
+from garmentc.errors import Diagnostic, GarmentcError
+from garmentc.smpl.rotations import axis_angle_to_quaternion, quaternion_to_axis_angle, slerp
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,7 @@ class Motion:
     fps     frames a second
     betas   (S,) shape of the recorded body, or None
     gender  of the recorded body, or None
+    source  what the file was recognised as, one line for reports
     """
 
     name: str
@@ -28,6 +30,7 @@ class Motion:
     fps: float
     betas: NDArray[Any] | None = None
     gender: str | None = None
+    source: str = ""
     warnings: tuple[Diagnostic, ...] = field(default=())
 
     def __len__(self) -> int:
@@ -37,3 +40,30 @@ class Motion:
     def times(self) -> NDArray[np.float64]:
         """Seconds from the first frame, (T,)."""
         return np.arange(len(self.poses)) / self.fps
+
+    def clipped(self, start: int = 0, stop: int | None = None) -> Motion:
+        """Frames `start` to `stop` (exclusive; None is the end). Raises GarmentcError where none is left."""
+        poses = self.poses[start:stop]
+        if not len(poses):
+            raise GarmentcError(f"the motion '{self.name}' has frames 0 to {len(self) - 1}; none is left to take")
+        return replace(self, poses=poses, trans=self.trans[start:stop])
+
+    def resampled(self, fps: float) -> Motion:
+        """The motion at another frame rate: rotations by slerp, translation linearly; the first frame stays.
+
+        Where the last source frame falls between two new frames, the motion ends before it.
+        """
+        if not (np.isfinite(fps) and fps > 0):
+            raise GarmentcError(f"cannot resample to {fps} frames a second; use a positive number")
+        last = len(self) - 1
+        steps = np.arange(int(last * fps / self.fps + 1e-6) + 1) * (self.fps / fps)
+        before = np.minimum(steps.astype(np.intp), max(last - 1, 0))
+        after = np.minimum(before + 1, last)
+        share = np.clip(steps - before, 0, 1)[:, None]
+        quaternions = axis_angle_to_quaternion(self.poses)
+        return replace(
+            self,
+            poses=quaternion_to_axis_angle(slerp(quaternions[before], quaternions[after], share)),
+            trans=self.trans[before] * (1 - share) + self.trans[after] * share,
+            fps=float(fps),
+        )

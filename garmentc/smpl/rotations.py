@@ -77,3 +77,31 @@ def matrix_to_quaternion(matrix: NDArray[Any]) -> NDArray[Any]:
     q = largest / np.linalg.norm(largest, axis=-1, keepdims=True)
     unit: NDArray[Any] = np.where(q[..., 3:] < 0, -q, q)
     return unit
+
+
+def multiply_quaternions(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """The rotation b, then a; (..., 4) in the order x, y, z, w."""
+    ax, ay, az, aw = np.moveaxis(a, -1, 0)
+    bx, by, bz, bw = np.moveaxis(b, -1, 0)
+    product = [
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    ]
+    return np.stack(product, axis=-1)
+
+
+def slerp(start: NDArray[Any], end: NDArray[Any], share: NDArray[Any]) -> NDArray[Any]:
+    """Unit quaternions a `share` (...) of the shorter way from `start` to `end` (..., 4) (Shoemake 1985)."""
+    cosine = np.sum(start * end, axis=-1)
+    near = np.where((cosine < 0)[..., None], -end, end)
+    angle = np.arccos(np.clip(np.abs(cosine), 0, 1))
+    sine = np.sin(angle)
+    close = sine < 1e-6  # a chord instead of an arc: the difference is below rounding
+    safe = np.where(close, 1, sine)
+    first = np.where(close, 1 - share, np.sin((1 - share) * angle) / safe)
+    second = np.where(close, share, np.sin(share * angle) / safe)
+    mixed = first[..., None] * start + second[..., None] * near
+    unit: NDArray[Any] = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+    return unit
