@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +52,7 @@ def parse_corners(block: Block, starts: NDArray[np.int64]) -> NDArray[np.int64]:
     return corners
 
 
-def _blame(block: Block) -> None:
+def _blame(block: Block) -> NoReturn:
     """Raise BadToken for the first corner that is none."""
     for index, token in enumerate(block.tokens()):
         if _CORNER.fullmatch(token):

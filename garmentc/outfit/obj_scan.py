@@ -246,13 +246,12 @@ def _add_faces(text: ObjText, block: Block, before: dict[str, NDArray[np.int64]]
             low = back & (relative + above < 0)
             if low.any():
                 corner = int(np.argmax(low))
-                raise text.error(_before_first(int(relative[corner]), name, above[corner]), block.offset(starts[corner]))
+                message = (
+                    f"face index {relative[corner]} reaches before the first '{name}': {above[corner]} stand above"
+                )
+                raise text.error(message, block.offset(int(starts[corner])))
             resolved[back, column] = (relative + above)[back]
         resolved[corners == ABSENT] = -1
     parts.corners.append(resolved.astype(np.int32))
     parts.counts.append(counts.astype(np.int32))
     parts.offsets.append(block.origin)
-
-
-def _before_first(index: int, name: str, above: int) -> str:
-    return f"face index {index} reaches before the first '{name}': only {above} stand above this line"

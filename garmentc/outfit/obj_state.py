@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -16,14 +16,13 @@ from garmentc.outfit.obj_text import ObjText, decode
 DEFAULT_MATERIAL = "default"
 """The material of faces that stand before any `usemtl`."""
 
-_FREE_FORM = frozenset(
-    "vp cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con ctech stech "
-    "bzp bsp cdc cdp res".split()
-)
-_RENDER_HINTS = frozenset("mg bevel c_interp d_interp lod shadow_obj trace_obj maplib usemap".split())
+_FREE_FORM = """
+    vp cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con ctech stech bzp bsp cdc cdp res
+""".split()  # noqa: SIM905
+_RENDER_HINTS = "mg bevel c_interp d_interp lod shadow_obj trace_obj maplib usemap".split()  # noqa: SIM905
 _PRIMITIVES = {"l": "line", "p": "point"}
 
-T = TypeVar("T", str, int)
+T = TypeVar("T", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -112,22 +111,24 @@ def _smoothing_group(text: ObjText, statement: Statement) -> int:
 
 def _ignored(text: ObjText, statements: Sequence[Statement]) -> list[Diagnostic]:
     """One warning for each kind of statement that does not matter here."""
-    known = {"usemtl", "mtllib", "o", "g", "s"}
-    seen: dict[str, list[Statement]] = {}
+    seen: dict[tuple[str, str], list[Statement]] = {}
     for statement in statements:
-        if statement.keyword not in known:
-            seen.setdefault(statement.keyword, []).append(statement)
+        if statement.keyword not in ("usemtl", "mtllib", "o", "g", "s"):
+            seen.setdefault(_kind(statement.keyword), []).append(statement)
     warnings = []
-    for keyword, found in seen.items():
-        shown = keyword.encode("ascii", "replace").decode()[:40]
-        if keyword in _PRIMITIVES:
-            code, what = "obj.primitive", f"{_PRIMITIVES[keyword]} elements ('{keyword}')"
-        elif keyword in _FREE_FORM:
-            code, what = "obj.free-form", f"free-form geometry ('{keyword}')"
-        elif keyword in _RENDER_HINTS:
-            code, what = "obj.render-hint", f"'{keyword}' statements"
-        else:
-            code, what = "obj.unknown-statement", f"unknown statement '{shown}'"
-        message = f"{what} ignored ({len(found)} line{'s' if len(found) > 1 else ''})"
+    for (code, what), found in seen.items():
+        first = found[0].keyword.encode("ascii", "replace").decode()[:40]
+        message = f"{what} ignored ({len(found)} line{'s' if len(found) > 1 else ''}, the first is '{first}')"
         warnings.append(Diagnostic(code, message, str(text.path), text.line_of(found[0].offset)))
     return warnings
+
+
+def _kind(keyword: str) -> tuple[str, str]:
+    """The diagnostic's code for an ignored statement, and what to call it."""
+    if keyword in _PRIMITIVES:
+        return "obj.primitive", f"{_PRIMITIVES[keyword]} elements"
+    if keyword in _FREE_FORM:
+        return "obj.free-form", "free-form geometry"
+    if keyword in _RENDER_HINTS:
+        return "obj.render-hint", "rendering hints"
+    return "obj.unknown-statement", "unknown statements"

@@ -14,6 +14,8 @@ WELD_TOLERANCE = 1e-6
 """Vertices closer than this part of the bounding box's diagonal are one: far below any cloth's thickness,
 above the rounding of six decimals that exporters print."""
 
+_NEIGHBOURS = 16
+
 
 @dataclass(frozen=True)
 class Welded:
@@ -32,7 +34,8 @@ class Welded:
 def weld(outfit: Outfit, tolerance: float = WELD_TOLERANCE) -> Welded:
     """Merge vertices at equal positions.
 
-    Equal means exactly equal, or linked by vertices closer than `tolerance` times the diagonal of the bounding box.
+    Equal means exactly equal, or linked by vertices closer than `tolerance` times the diagonal of the bounding box
+    (and than a hundredth of the median edge, so that one stray far-away triangle does not melt a garment).
     Welded vertices keep the order in which the OBJ first gives them.
     """
     used = np.zeros(len(outfit.vertices), dtype=bool)
@@ -41,8 +44,7 @@ def weld(outfit: Outfit, tolerance: float = WELD_TOLERANCE) -> Welded:
     points = outfit.vertices[index]
     exact = _first_equal(points)
     representatives = np.flatnonzero(exact == np.arange(len(points)))
-    diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
-    near = _first_near(points[representatives], tolerance * diagonal)
+    near = _first_near(points[representatives], _radius(outfit, points, tolerance))
     place = np.zeros(len(points), dtype=np.int64)
     place[representatives] = representatives[near]
     place = place[exact]
@@ -58,28 +60,35 @@ def weld(outfit: Outfit, tolerance: float = WELD_TOLERANCE) -> Welded:
 
 def edges(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     """(E, 2) unique undirected edges of triangles (F, 3), the smaller index first, in rising order."""
-    pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    if not len(pairs):
-        return np.zeros((0, 2), dtype=np.int32)
-    keys = np.unique((pairs[:, 0].astype(np.int64) << 32) | pairs[:, 1])
+    here = triangles.astype(np.int64).ravel()
+    there = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()
+    keys = np.minimum(here, there) << 32 | np.maximum(here, there)
+    keys.sort()
+    keys = keys[np.concatenate([[True], keys[1:] != keys[:-1]])] if len(keys) else keys
     return np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1).astype(np.int32)
 
 
 def corner_angles(points: NDArray[np.float64], triangles: NDArray[Any]) -> NDArray[np.float64]:
     """(F, 3) angle at each corner, radians; 0 where a triangle has no area."""
-    corners = points[triangles]
-    ahead = np.roll(corners, -1, axis=1) - corners
-    behind = np.roll(corners, 1, axis=1) - corners
-    height = np.linalg.norm(np.cross(ahead, behind), axis=2)
-    angles: NDArray[np.float64] = np.arctan2(height, np.einsum("fki,fki->fk", ahead, behind))
+    corners = [points[triangles[:, k]] for k in range(3)]
+    sides = [corners[(k + 1) % 3] - corners[k] for k in range(3)]
+    height = np.sqrt(_squares(np.cross(sides[0], sides[1])))  # twice the area, whichever corner it is seen from
+    widths = [-np.einsum("fi,fi->f", sides[k], sides[k - 1]) for k in range(3)]
+    angles = np.stack([np.arctan2(height, width) for width in widths], axis=1)
     angles[height == 0] = 0.0
     return angles
+
+
+def _squares(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    total: NDArray[np.float64] = np.einsum("fi,fi->f", rows, rows)
+    return total
 
 
 def triangle_normals(points: NDArray[np.float64], triangles: NDArray[Any]) -> NDArray[np.float64]:
     """(F, 3) unit normals; zero where a triangle has no area."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
-    return unit_rows(np.cross(b - a, c - a))
+    normals: NDArray[np.float64] = np.cross(b - a, c - a)
+    return unit_rows(normals)
 
 
 def unit_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -111,9 +120,8 @@ def components(triangles: NDArray[np.int32], count: int) -> NDArray[np.int32]:
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    a, b = (np.concatenate([triangles[:, 0], triangles[:, k]]) for k in (1, 2))
-    rows, columns = a, np.concatenate([triangles[:, 1], triangles[:, 2]])
-    del b
+    rows = np.concatenate([triangles[:, 0], triangles[:, 0]])
+    columns = np.concatenate([triangles[:, 1], triangles[:, 2]])
     graph = coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(count, count))
     _, label = connected_components(graph, directed=False)
     return _by_first_use(label)
@@ -125,6 +133,14 @@ def _by_first_use(label: NDArray[Any]) -> NDArray[np.int32]:
     rank = np.empty(len(first), dtype=np.int32)
     rank[np.argsort(first)] = np.arange(len(first), dtype=np.int32)
     return rank[inverse]
+
+
+def _radius(outfit: Outfit, points: NDArray[np.float64], tolerance: float) -> float:
+    if not len(outfit.tri_v):
+        return 0.0
+    a, b = (outfit.vertices[outfit.tri_v[:, k]] for k in (0, 1))
+    diagonal = np.linalg.norm(np.ptp(points, axis=0))
+    return float(min(tolerance * diagonal, 0.01 * np.sqrt(np.median(_squares(b - a)))))
 
 
 def _proper(triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
@@ -147,7 +163,7 @@ def _first_equal(points: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def _first_near(points: NDArray[np.float64], radius: float) -> NDArray[np.int64]:
-    """(N,) index of the first point linked to each by steps of at most `radius`."""
+    """(N,) index of the first point linked to each by steps of at most `radius`, no two points being equal."""
     index = np.arange(len(points))
     if len(points) < 2 or radius <= 0:
         return index
@@ -155,12 +171,16 @@ def _first_near(points: NDArray[np.float64], radius: float) -> NDArray[np.int64]
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    pairs = cKDTree(points).query_pairs(radius, output_type="ndarray")
-    if not len(pairs):
+    nearest, _ = cKDTree(points).query(points, k=[2], distance_upper_bound=radius)
+    crowded = np.flatnonzero(np.isfinite(nearest[:, 0]))
+    if not len(crowded):
         return index
-    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    # A bounded number of neighbours, as all pairs of a dense cluster would not fit into memory.
+    _, near = cKDTree(points[crowded]).query(points[crowded], k=_NEIGHBOURS, distance_upper_bound=radius)
+    row, column = np.nonzero(near < len(crowded))
+    graph = coo_matrix((np.ones(len(row), bool), (row, near[row, column])), shape=(len(crowded), len(crowded)))
     _, label = connected_components(graph, directed=False)
     firsts = np.full(int(label.max()) + 1, len(points))
-    np.minimum.at(firsts, label, index)
-    result: NDArray[np.int64] = firsts[label]
-    return result
+    np.minimum.at(firsts, label, crowded)
+    index[crowded] = firsts[label]
+    return index

@@ -7,6 +7,8 @@ leave T-junctions that open as cracks when the mesh bends.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,9 +59,7 @@ def newell(ring: NDArray[np.float64]) -> NDArray[np.float64]:
     return total
 
 
-def _areas(
-    ring: NDArray[np.float64], triangles: NDArray[np.int64], normal: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _areas(ring: NDArray[np.float64], triangles: NDArray[np.int64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
     """(Q, k) twice the signed area, seen along the unit normals, of the same k triangles in each of Q rings."""
     a, b, c = (ring[:, triangles[:, i]] for i in range(3))
     areas: NDArray[np.float64] = np.einsum("qki,qi->qk", np.cross(b - a, c - a), normal)
@@ -131,5 +131,5 @@ def _with_all_corners(triangles: NDArray[np.int64], count: int) -> NDArray[np.in
         apex = faces[f][(k + 2) % 3]
         chain = [a, *dropped, b]
         faces[f] = (chain[0], chain[1], apex)
-        faces += [(p, q, apex) for p, q in zip(chain[1:], chain[2:], strict=False)]
+        faces += [(p, q, apex) for p, q in pairwise(chain[1:])]
     return np.array(faces, dtype=np.int32) if len(faces) == count - 2 else None
