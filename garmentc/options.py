@@ -14,14 +14,16 @@ RestPose = Literal["auto", "t", "a"]
 Sparse = Literal["auto", "never"]
 Units = Literal["auto", "m", "dm", "cm", "mm", "in", "ft"]
 Unwrap = Literal["auto", "never", "always"]
-UpAxis = Literal["auto", "y", "z"]
+Axis = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
+MotionUp = Literal["auto", "y", "z"]
 ProfileName = Literal["mobile", "web", "desktop", "reference"]
 
 _CHOICES = {
     "gender": get_args(Gender),
-    "motion_up": get_args(UpAxis),
+    "motion_up": get_args(MotionUp),
     "units": get_args(Units),
-    "up": get_args(UpAxis),
+    "up": get_args(Axis),
+    "front": get_args(Axis),
     "pose": get_args(RestPose),
     "profile": get_args(ProfileName),
     "sparse": (*get_args(Sparse), None),
@@ -61,11 +63,11 @@ class CompileOptions:
 
     body                     the user's SMPL, SMPL-H or SMPL-X model; None is the default body
     gender                   "auto" takes the body that the outfit fits best
-    betas                    shape coefficients; None takes those of `params`, then of the motion, then zeros
-    params                   JSON or npz file of gender, betas and pose
-    motion                   motion file (AMASS npz or BVH) that becomes the animation
-    motion_up, units, up     "auto" detects and reports
-    pose                     rest pose of the outfit
+    betas                    shape coefficients of the body that the outfit fits; None takes those of `params`
+    params                   JSON or npz file of gender, betas and pose; the pose is the one the outfit is modelled in
+    motion                   motion files (AMASS npz or BVH), one or several; each becomes an animation
+    motion_up                up axis of the motions
+    units, up, front, pose   of the outfit; "auto" detects and reports
     profile                  named settings of the passes; the five options after it override single ones
     influences               4 or 8
     morphs                   number of blend shapes
@@ -84,10 +86,11 @@ class CompileOptions:
     gender: Gender = "auto"
     betas: tuple[float, ...] | None = None
     params: Path | None = None
-    motion: Path | None = None
-    motion_up: UpAxis = "auto"
+    motion: tuple[Path, ...] = ()
+    motion_up: MotionUp = "auto"
     units: Units = "auto"
-    up: UpAxis = "auto"
+    up: Axis = "auto"
+    front: Axis = "auto"
     pose: RestPose = "auto"
     profile: ProfileName = "web"
     influences: int | None = None
@@ -104,9 +107,11 @@ class CompileOptions:
     name: str | None = None
 
     def __post_init__(self) -> None:
-        for name in ("body", "params", "motion", "keys_onnx", "bundle"):
+        for name in ("body", "params", "keys_onnx", "bundle"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, Path(getattr(self, name)))
+        given = (self.motion,) if isinstance(self.motion, (str, Path)) else self.motion
+        object.__setattr__(self, "motion", tuple(Path(motion) for motion in given))
         if self.betas is not None:
             object.__setattr__(self, "betas", tuple(float(beta) for beta in self.betas))
         self._check()

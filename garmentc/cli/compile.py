@@ -9,10 +9,8 @@ from typing import Any, get_args
 import click
 
 from garmentc import options as choices
-from garmentc.cli.parameters import Length, Numbers
+from garmentc.cli.parameters import PATH, Length, Numbers
 from garmentc.options import CompileOptions
-
-PATH = click.Path(path_type=Path)
 
 
 def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
@@ -30,10 +28,11 @@ def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
 @_choice("--gender", choices.Gender, "Body; auto takes the one that the outfit fits best.")
 @click.option("--betas", type=Numbers(), metavar="B0,B1,...", help="Shape coefficients of the body.")
 @click.option("--params", type=PATH, metavar="FILE", help="Gender, betas and pose in a .json or .npz file.")
-@click.option("--motion", type=PATH, metavar="FILE", help="Motion (AMASS .npz, .bvh) to bake as an animation.")
-@_choice("--motion-up", choices.UpAxis, "Up axis of the motion.")
+@click.option("--motion", type=PATH, multiple=True, metavar="FILE", help="Motion (AMASS .npz, .bvh); repeatable.")
+@_choice("--motion-up", choices.MotionUp, "Up axis of the motion.")
 @_choice("--units", choices.Units, "Length unit of the outfit.")
-@_choice("--up", choices.UpAxis, "Up axis of the outfit.")
+@_choice("--up", choices.Axis, "Axis of the outfit that points up.")
+@_choice("--front", choices.Axis, "Axis of the outfit that the body faces.")
 @_choice("--pose", choices.RestPose, "Rest pose of the outfit: T-pose or A-pose.")
 @_choice("--profile", choices.ProfileName, "Named settings of the passes.")
 @click.option("--influences", type=click.Choice([4, 8]), help="Joints that may pull one vertex.")

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import click
+
+PATH = click.Path(path_type=Path)
+"""A path as typed; whether it can be read or written is for the code that does it to say."""
 
 _METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
