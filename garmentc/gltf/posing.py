@@ -1,0 +1,99 @@
+"""A .glb put at a time of its animation, or in a pose: the State that `evaluate` takes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.errors import GarmentcError
+from garmentc.gltf.glb_asset import GlbAsset, PoseKeyNetwork
+from garmentc.gltf.sampling import sample
+from garmentc.gltf.state import State, rest_state, world_matrices
+from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE, NORMALIZED_RELU_EPSILON
+from garmentc.smpl.rotations import axis_angle_to_quaternion, quaternion_to_axis_angle
+from garmentc.smpl.skeleton import JOINT_COUNT, JOINT_NAMES
+
+
+def state_at_time(asset: GlbAsset, seconds: float, animation: int = 0) -> State:
+    """The nodes at a time of an animation; before its start and after its end it stands still.
+
+    Raises GarmentcError where there is no such animation.
+    """
+    if not 0 <= animation < len(asset.animations):
+        raise GarmentcError(f"has {len(asset.animations)} animations; there is no number {animation}", asset.path)
+    state = rest_state(asset)
+    for channel in asset.animations[animation].channels:
+        value = sample(channel, seconds)
+        if channel.path == "weights":
+            state.weights[channel.node] = value
+        else:
+            getattr(state, channel.path)[channel.node] = value
+    return state
+
+
+def state_at_pose(
+    asset: GlbAsset,
+    pose: NDArray[Any],
+    translation: NDArray[Any] | None = None,
+    keys: NDArray[Any] | None = None,
+) -> State:
+    """The nodes with the 24 SMPL joints in a pose, and the morph weights that the pose-key network gives for it.
+
+    pose         (24, 3) axis-angle, radians
+    translation  (3,) metres, added to the rest position of the pelvis
+    keys         (M,) morph weights instead of the network's
+    Raises GarmentcError where the file has no such joints, or a network that is not understood.
+    """
+    state = rest_state(asset)
+    joints = smpl_joints(asset)
+    state.rotation[joints] = axis_angle_to_quaternion(np.asarray(pose, dtype=np.float64).reshape(JOINT_COUNT, 3))
+    if translation is not None:
+        state.translation[joints[0]] += np.asarray(translation, dtype=np.float64)
+    for index in asset.mesh_nodes:
+        network = pose_key_network(asset, index)
+        if keys is not None:
+            state.weights[index] = np.asarray(keys, dtype=np.float64)
+        elif network is not None:
+            state.weights[index] = evaluate_network(asset, network, state)
+    return state
+
+
+def smpl_joints(asset: GlbAsset) -> list[int]:
+    """Nodes of the 24 SMPL joints, found by their names."""
+    by_name = {node.name: index for index, node in enumerate(asset.nodes)}
+    missing = [name for name in JOINT_NAMES if name not in by_name]
+    if missing:
+        raise GarmentcError(
+            f"has no joint named {missing[0]}; only files with the SMPL joints can be posed", asset.path
+        )
+    return [by_name[name] for name in JOINT_NAMES]
+
+
+def pose_key_network(asset: GlbAsset, mesh_node: int) -> PoseKeyNetwork | None:
+    """The network that drives a mesh node: the extension's, or else the copy in the node's extras."""
+    node = asset.nodes[mesh_node]
+    if node.mesh is not None and asset.meshes[node.mesh].pose_keys is not None:
+        return asset.meshes[node.mesh].pose_keys
+    return node.pose_keys
+
+
+def evaluate_network(asset: GlbAsset, network: PoseKeyNetwork, state: State) -> NDArray[np.float64]:
+    """Morph weights (M,) for the joint rotations of `state`: docs/GARMENTC_mesh_pose_keys.md, step by step."""
+    if network.encoding != ENCODING_GRAVITY_AXIS_ANGLE:
+        raise GarmentcError(f"has pose keys with the encoding {network.encoding}; update garmentc", asset.path)
+    root = network.joints[0]
+    up = world_matrices(asset, state)[root][1, :3]  # row y: the world's up, seen from the pelvis
+    gravity = up / np.linalg.norm(up) - np.array([0.0, 1.0, 0.0])
+    others = quaternion_to_axis_angle(state.rotation[list(network.joints[1:])])
+    x = np.concatenate([gravity, others.reshape(-1)])
+    if len(x) != network.layers[0].weight.shape[1]:
+        raise GarmentcError(f"has pose keys that take {network.layers[0].weight.shape[1]} inputs, not 72", asset.path)
+    for layer in network.layers:
+        x = layer.weight.astype(np.float64) @ x + layer.bias
+        if layer.activation != "linear":
+            x = np.maximum(x, 0)
+        if layer.activation == "normalized_relu":
+            x = x / (x.sum() + NORMALIZED_RELU_EPSILON)
+    return x

@@ -1,0 +1,60 @@
+"""How positions are stored: as float32 metres, or as int16 in a box that the inverse bind matrices undo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.gltf.skin import JOINT_GRID
+from garmentc.rig import Rig
+
+_SNORM16 = 32767
+
+
+@dataclass(frozen=True)
+class PositionCodec:
+    """stored = (position - center) / scale, for blend shapes stored = delta / scale.
+
+    quantized  stored as normalised int16 (KHR_mesh_quantization); otherwise center is 0 and scale 1
+    """
+
+    quantized: bool
+    center: NDArray[np.float64]
+    scale: float
+
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """(4, 4): stored positions to metres."""
+        matrix = np.diag([self.scale, self.scale, self.scale, 1.0])
+        matrix[:3, 3] = self.center
+        return matrix
+
+    def positions(self, points: NDArray[Any]) -> NDArray[Any]:
+        """(N, 3) metres as stored."""
+        return self._encode(points - self.center) if self.quantized else points.astype(np.float32)
+
+    def deltas(self, deltas: NDArray[Any]) -> NDArray[Any]:
+        """(N, 3) metres as stored."""
+        return self._encode(deltas) if self.quantized else deltas.astype(np.float32, copy=False)
+
+    def _encode(self, vectors: NDArray[Any]) -> NDArray[np.int16]:
+        return np.round(vectors * (_SNORM16 / self.scale)).astype(np.int16)
+
+
+def position_codec(rig: Rig, quantize: bool) -> PositionCodec:
+    """One box for all vertices and blend shapes of the rig: a skin has one set of inverse bind matrices."""
+    if not quantize:
+        return PositionCodec(False, np.zeros(3), 1.0)
+    low, high = rig.template.min(axis=0).astype(np.float64), rig.template.max(axis=0).astype(np.float64)
+    center = np.round((low + high) / 2 / JOINT_GRID) * JOINT_GRID
+    reach = max(float((high - center).max()), float((center - low).max()), largest_delta(rig))
+    scale = np.nextafter(np.float32(max(reach, JOINT_GRID)), np.float32(np.inf))
+    return PositionCodec(True, center, float(scale))
+
+
+def largest_delta(rig: Rig) -> float:
+    """The largest coordinate of any blend shape, metres."""
+    return max((float(max(shape.max(), -shape.min())) for shape in rig.blend_shapes), default=0.0)

@@ -1,0 +1,101 @@
+"""Mesh primitives: vertex attributes, morph targets and triangles (glTF 2.0 section 3.7.2)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.gltf.accessors import AccessorWriter
+from garmentc.gltf.asset import Asset
+from garmentc.gltf.corner_primitive import CornerPrimitive
+from garmentc.gltf.positions import PositionCodec
+from garmentc.gltf.skin import add_influences, largest_influences
+
+
+def add_mesh(writer: AccessorWriter, asset: Asset, codec: PositionCodec, materials: dict[int, int]) -> int:
+    """Add the one mesh of the asset; returns its index.
+
+    materials  index of each used material in the document
+    """
+    from pygltflib import Mesh
+
+    influences = largest_influences(asset.rig.weights, asset.options.influences)
+    primitives = [
+        _add_primitive(writer, asset, codec, primitive, influences, materials[primitive.material])
+        for primitive in asset.primitives
+    ]
+    mesh = Mesh(name=asset.name, primitives=primitives)
+    if asset.rig.morph_count:
+        mesh.weights = [0.0] * asset.rig.morph_count
+        mesh.extras = {"targetNames": list(asset.target_names)}
+    writer.document.meshes.append(mesh)
+    return len(writer.document.meshes) - 1
+
+
+def _add_primitive(
+    writer: AccessorWriter,
+    asset: Asset,
+    codec: PositionCodec,
+    corners: CornerPrimitive,
+    influences: tuple[NDArray[np.intp], NDArray[np.float64]],
+    material: int,
+) -> Any:
+    from pygltflib import Attributes, Primitive
+
+    quantize = asset.options.quantize
+    attributes = Attributes()
+    positions = codec.positions(asset.rig.template[corners.vertices])
+    attributes.POSITION = writer.attribute(positions, normalized=quantize, bounds=True, label="the template")
+    if corners.normals is not None:
+        normals = _normals(corners.normals, quantize)
+        attributes.NORMAL = writer.attribute(normals, normalized=quantize, label="the normals")
+    if corners.texcoords is not None:
+        texcoords = _texcoords(corners.texcoords, quantize)
+        normalized = texcoords.dtype == np.uint16
+        attributes.TEXCOORD_0 = writer.attribute(texcoords, normalized=normalized, label="the texture coordinates")
+    if corners.colors is not None:
+        attributes.COLOR_0 = writer.attribute(_colors(corners.colors), normalized=True, label="the vertex colours")
+    joints, weights = influences
+    add_influences(writer, attributes, joints[corners.vertices], weights[corners.vertices], quantize)
+    return Primitive(
+        attributes=attributes,
+        targets=[_add_target(writer, asset, codec, corners, morph) for morph in range(asset.rig.morph_count)],
+        indices=writer.indices(corners.triangles),
+        material=material,
+        mode=None,
+    )
+
+
+def _add_target(
+    writer: AccessorWriter, asset: Asset, codec: PositionCodec, corners: CornerPrimitive, morph: int
+) -> Any:
+    from pygltflib import Attributes
+
+    rig, quantize = asset.rig, asset.options.quantize
+    add = writer.sparse_attribute if asset.options.sparse else writer.attribute
+    moved = codec.deltas(rig.blend_shapes[morph][corners.vertices])
+    target = Attributes(POSITION=add(moved, normalized=quantize, bounds=True, label=f"blend shape {morph}"))
+    if rig.blend_normals is not None and corners.normals is not None:
+        turned = _normals(rig.blend_normals[morph][corners.vertices], quantize)
+        target.NORMAL = add(turned, normalized=quantize, label=f"the normals of blend shape {morph}")
+    return target
+
+
+def _normals(normals: NDArray[Any], quantize: bool) -> NDArray[Any]:
+    if not quantize:
+        return normals.astype(np.float32, copy=False)
+    return np.clip(np.round(normals * 127), -127, 127).astype(np.int8)
+
+
+def _texcoords(texcoords: NDArray[Any], quantize: bool) -> NDArray[Any]:
+    """16-bit fractions where all lie in the unit square (a tiled texture's do not), else float32."""
+    if quantize and texcoords.min() >= 0 and texcoords.max() <= 1:
+        return np.round(texcoords.astype(np.float64) * 65535).astype(np.uint16)
+    return texcoords.astype(np.float32, copy=False)
+
+
+def _colors(colors: NDArray[Any]) -> NDArray[np.uint16]:
+    """Linear colours in [0, 1] as 16-bit fractions: eight bits would show bands in the darks."""
+    return np.round(np.clip(colors.astype(np.float64), 0, 1) * 65535).astype(np.uint16)

@@ -1,0 +1,136 @@
+"""Accessors of a file from anywhere to numpy arrays: every offset, count and index checked before it is used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.gltf.accessors import COMPONENT_TYPES, ELEMENT_TYPES
+from garmentc.gltf.cursor import Cursor
+from garmentc.gltf.glb_asset import Storage
+
+_DTYPES = {code: np.dtype("<" + name) for name, code in COMPONENT_TYPES.items()}
+_COMPONENTS = {name: count for count, name in ELEMENT_TYPES.items()} | {"MAT2": 4, "MAT3": 9}
+
+MAX_ELEMENTS = 2**26
+"""Of an accessor without a buffer view; one with a view is bounded by the size of the file."""
+
+MAX_RESOLVED_BYTES = 16 * 2**30
+"""Of all accessors: sparse ones can ask for any amount of memory with a few bytes."""
+
+
+@dataclass
+class AccessorReader:
+    """Resolves the accessors of one document, up to MAX_RESOLVED_BYTES."""
+
+    root: Cursor
+    binary: memoryview
+    _accessors: list[Cursor] = field(init=False)
+    _views: list[Cursor] = field(init=False)
+    _resolved_bytes: int = 0
+
+    def __post_init__(self) -> None:
+        self._accessors = list(self.root.get("accessors"))
+        self._views = list(self.root.get("bufferViews"))
+        buffers = list(self.root.get("buffers"))
+        if len(buffers) > 1 or any(buffer.get("uri").given for buffer in buffers):
+            raise self.root.get("buffers").error("must be one embedded buffer", "pack the file as a single .glb")
+        for buffer in buffers:
+            buffer.get("byteLength").integer(low=1, high=len(self.binary))
+
+    def index(self, where: Cursor) -> int:
+        """An accessor index."""
+        return where.index(len(self._accessors))
+
+    def array(
+        self, where: Cursor, kinds: tuple[str, ...], count: int | None = None, scale: bool = True
+    ) -> NDArray[Any]:
+        """The accessor that `where` names, (n, components), or (n,) for SCALAR.
+
+        kinds  element types that are allowed
+        count  number of elements it must have
+        scale  normalised integers become float32 fractions; other integers stay as they are
+        """
+        accessor = self._accessors[self.index(where)]
+        kind = accessor.get("type").text()
+        if kind not in kinds:
+            raise where.error(f"must be an accessor of type {' or '.join(kinds)}, not {kind}")
+        size = accessor.get("count").integer(low=1)
+        if count is not None and size != count:
+            raise where.error(f"must have {count} elements, not {size}")
+        values = self._resolve(accessor, size, _COMPONENTS[kind])
+        if scale and accessor.get("normalized").flag() and values.dtype.kind in "iu":
+            fractions = values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max)
+            values = np.maximum(fractions, np.float32(-1))
+        return values[:, 0] if kind == "SCALAR" else values
+
+    def storage(self, where: Cursor) -> Storage:
+        accessor = self._accessors[self.index(where)]
+        sparse = accessor.get("sparse")
+        views = [accessor.get("bufferView")]
+        if sparse.given:
+            views += [sparse.get("indices").get("bufferView"), sparse.get("values").get("bufferView")]
+        return Storage(
+            component=self._dtype(accessor).name,
+            normalized=accessor.get("normalized").flag(),
+            bytes=sum(self._view(view)[1] for view in views if view.given),
+            sparse=sparse.get("count").integer() if sparse.given else None,
+        )
+
+    def view_bytes(self, where: Cursor) -> bytes:
+        """All bytes of the buffer view that `where` names."""
+        offset, length, _ = self._view(where)
+        return bytes(self.binary[offset : offset + length])
+
+    def _resolve(self, accessor: Cursor, count: int, components: int) -> NDArray[Any]:
+        dtype = self._dtype(accessor)
+        self._resolved_bytes += count * components * dtype.itemsize
+        if self._resolved_bytes > MAX_RESOLVED_BYTES:
+            raise accessor.error(f"asks for more than {MAX_RESOLVED_BYTES >> 30} GiB")
+        if accessor.get("bufferView").given:
+            values = self._elements(accessor, dtype, count, components).copy()
+        elif count > MAX_ELEMENTS:
+            raise accessor.error(f"has no data and asks for {count} elements")
+        else:
+            values = np.zeros((count, components), dtype)
+        sparse = accessor.get("sparse")
+        if sparse.given:
+            entries = sparse.get("count").integer(low=1, high=count)
+            where = self._elements(sparse.get("indices"), self._dtype(sparse.get("indices")), entries, 1)[:, 0]
+            if where.dtype.kind != "u" or where.max() >= count or np.any(where[1:] <= where[:-1]):
+                raise sparse.error(f"must have increasing indices below {count}")
+            values[where] = self._elements(sparse.get("values"), dtype, entries, components)
+        if dtype.kind == "f" and not (np.isfinite(values.min()) and np.isfinite(values.max())):
+            raise accessor.error("holds NaN or infinite values")
+        return values
+
+    def _elements(self, where: Cursor, dtype: np.dtype[Any], count: int, components: int) -> NDArray[Any]:
+        """A view (count, components) into the binary chunk."""
+        start, length, stride = self._view(where.get("bufferView"))
+        offset = where.get("byteOffset").integer(0)
+        element = components * dtype.itemsize
+        step = stride or element
+        if step < element:
+            raise where.error(f"has elements of {element} bytes in a stride of {step}")
+        if offset + (count - 1) * step + element > length:
+            raise where.error("reaches beyond its buffer view")
+        return np.ndarray((count, components), dtype, self.binary, start + offset, (step, dtype.itemsize))
+
+    def _view(self, where: Cursor) -> tuple[int, int, int]:
+        """Byte offset, length and stride (0: tightly packed) of a buffer view."""
+        view = self._views[where.index(len(self._views))]
+        if any(name.endswith("meshopt_compression") for name, _ in view.get("extensions").items()):
+            raise view.error("is compressed by meshopt, which garmentc does not read", "give the uncompressed file")
+        view.get("buffer").index(1)
+        offset = view.get("byteOffset").integer(0, high=len(self.binary))
+        length = view.get("byteLength").integer(low=1, high=len(self.binary) - offset)
+        return offset, length, view.get("byteStride").integer(0, high=252)
+
+    def _dtype(self, accessor: Cursor) -> np.dtype[Any]:
+        code = accessor.get("componentType").integer()
+        if code not in _DTYPES:
+            raise accessor.error(f"has component type {code}, which glTF does not know")
+        return _DTYPES[code]
