@@ -13,6 +13,7 @@ from garmentc.smpl.arrays import numbers, read_npz, shape_text
 from garmentc.smpl.gender import parse_gender
 from garmentc.smpl.motion import Motion
 from garmentc.smpl.pose_layout import LAYOUTS, dropped_joints, to_smpl_pose
+from garmentc.smpl.rotations import axis_angle_to_matrix
 from garmentc.smpl.up_axis import detect_up, turn_to_y_up
 
 RATE_KEYS = ("mocap_framerate", "mocap_frame_rate", "fps")
@@ -84,7 +85,7 @@ def _up_axis(
         if stated not in ("y", "z"):
             raise GarmentcError(f"'up_axis' is '{stated[:20]}', expected y or z", path)
         return stated, "stated in the file"
-    found = detect_up(root)
+    found = detect_up(axis_angle_to_matrix(root))
     reason = f"the body's up direction is {found.y:.2f} along Y and {found.z:.2f} along Z on average"
     if not found.sure:
         warnings.append(

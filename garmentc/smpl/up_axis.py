@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.smpl.rotations import (
-    axis_angle_to_matrix,
     axis_angle_to_quaternion,
     matrix_to_quaternion,
     multiply_quaternions,
@@ -37,8 +36,8 @@ class UpAxis:
 
 
 def detect_up(root: NDArray[Any]) -> UpAxis:
-    """From root rotations (T, 3): people mostly stay upright, so their spine points along the vertical on average."""
-    _, y, z = axis_angle_to_matrix(root)[:, :, 1].mean(axis=0)
+    """From root rotations (T, 3, 3): people mostly stay upright, so the pelvis' Y is the vertical on average."""
+    _, y, z = root[:, :, 1].mean(axis=0)
     return UpAxis("z" if z > y else "y", float(y), float(z))
 
 
