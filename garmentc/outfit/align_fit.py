@@ -95,10 +95,10 @@ class Skin:
         """The vertices nearest to `points` (N, 3)."""
         return nearest_vertex(points, self.vertices)
 
-    def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def distance(self, points: NDArray[np.float64], nearest: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
         """Signed distance of `points` (..., 3) to the disc of the nearest vertex, negative inside; a few mm exact."""
         flat = points.reshape(-1, 3)
-        nearest = self.nearest(flat)
+        nearest = self.nearest(flat) if nearest is None else nearest
         offset = flat - self.vertices[nearest]
         height = np.einsum("ij,ij->i", offset, self.normals[nearest])
         aside = np.sqrt(np.maximum(np.einsum("ij,ij->i", offset, offset) - height**2, 0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from garmentc.outfit.align_fit import ClothSample, Skin, misfit
 from garmentc.outfit.align_origin import FITTED, origin_translation
+from garmentc.outfit.topology import unit_rows
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.rotations import axis_angle_to_matrix
 from garmentc.smpl.skeleton import JOINT_COUNT, JOINT_NAMES, MIRROR
@@ -48,6 +49,9 @@ GAP = 0.01
 OUTLIER = 0.03
 """Metres: points of the cloth further from the skin than this tell little about the limb inside (Cauchy weights)."""
 
+LONGEST_STEP = 0.25
+"""Radians or metres that one iteration may change."""
+
 
 def a_pose(angles: NDArray[np.float64]) -> NDArray[np.float64]:
     """The pose (24, 3) with the angles of `TURNS` (7,), radians, the same on both sides."""
@@ -82,74 +86,99 @@ def posed_joints(pose: NDArray[np.float64], joints: NDArray[Any]) -> NDArray[np.
 
 @dataclass(frozen=True)
 class RestBody:
-    """A body of one shape, ready to be posed many times; float64, without pose correctives."""
+    """A body of one shape, ready to be posed many times; float64, without pose correctives.
+
+    surface  its skin in the T-pose
+    weights  (V, 24) blend weights of the skin's vertices
+    """
 
     model: BodyModel
-    vertices: NDArray[np.float64]
-    joints: NDArray[np.float64]
+    surface: Skin
+    weights: NDArray[np.float64]
 
     @classmethod
     def of(cls, model: BodyModel, betas: NDArray[Any] | None) -> RestBody:
         """The body `model` with shape `betas`."""
-        return cls(model, model.shaped(betas).astype(np.float64), model.joints(betas).astype(np.float64))
+        surface = Skin.of(model.shaped(betas), model.faces, model.joints(betas))
+        return cls(model, surface, model.weights.astype(np.float64))
+
+    def thinned(self, step: int) -> RestBody:
+        """The body with every `step`-th vertex of its skin."""
+        whole = self.surface
+        radii = whole.radii[::step] * np.sqrt(step)
+        thin = Skin(whole.vertices[::step].copy(), whole.normals[::step], radii, whole.joints)
+        return RestBody(self.model, thin, self.weights[::step])
 
     def skin(self, pose: NDArray[np.float64] | None = None) -> Skin:
         """The skin in `pose` (24, 3), or in the T-pose."""
         if pose is None:
-            return Skin.of(self.vertices, self.model.faces, self.joints)
-        transforms = joint_transforms(axis_angle_to_matrix(pose), self.joints)
-        return Skin.of(skin(self.vertices, self.model.weights, transforms), self.model.faces, posed_joints(pose, self.joints))
+            return self.surface
+        rest = self.surface
+        transforms = joint_transforms(axis_angle_to_matrix(pose), rest.joints)
+        blended = (self.weights @ transforms[:, :3, :].reshape(-1, 12)).reshape(-1, 3, 4)
+        vertices = np.einsum("nij,nj->ni", blended[..., :3], rest.vertices) + blended[..., 3]
+        normals = unit_rows(np.einsum("nij,nj->ni", blended[..., :3], rest.normals))
+        return Skin(vertices, normals, rest.radii, posed_joints(pose, rest.joints))
 
 
 @dataclass(frozen=True)
-class PoseFit:
-    """A fitted A-pose: `angles` (7,) of `TURNS`, where the origin is and how well the cloth then sits."""
+class Stance:
+    """How a body stands in an outfit: its pose, where the file's origin lies on it, and how well the cloth then sits.
 
-    angles: NDArray[np.float64]
+    pose         (24, 3), or None for the T-pose
+    angles       (7,) of `TURNS` where the pose was fitted
+    translation  (3,) metres, added to the cloth
+    misfit       metres, see align_fit.misfit
+    """
+
+    pose: NDArray[np.float64] | None
     origin: str
     translation: NDArray[np.float64]
-    misfit: float
+    misfit: float = np.inf
+    angles: NDArray[np.float64] = field(default_factory=lambda: np.zeros(len(TURNS)))
 
 
-def fit_a_pose(cloth: ClothSample, body: RestBody, start: PoseFit, iterations: int = 20) -> PoseFit:
+def fit_stance(cloth: ClothSample, body: RestBody, start: Stance, turn: bool, iterations: int = 20) -> Stance:
     """Fit `body` into `cloth` (body axes, metres, not translated) from `start`.
 
-    Gauss-Newton on the point-to-plane distances to the nearest skin (Chen and Medioni 1991), with Cauchy weights and
-    with `TURNS`' usual angles as prior. With origin "fitted" the translation is fitted too; any other origin stays
-    where it is on the body.
+    Gauss-Newton on the point-to-plane distances to the nearest skin (Chen and Medioni 1991), with Cauchy weights.
+    With origin "fitted" the translation is fitted; any other origin stays where it is on the body.
+    With `turn` the angles of `TURNS` are fitted, their usual sizes being the prior; otherwise the pose is kept.
     """
-    angles, translation = start.angles, start.translation
     free = start.origin == FITTED
-    stiffness = np.array([(GAP / turn.usual) ** 2 for turn in TURNS.values()]) * len(cloth.points) / EVIDENCE
+    count = len(TURNS) if turn else 0
+    stiffness = np.array([(GAP / turn.usual) ** 2 for turn in TURNS.values()])[:count] * len(cloth.points) / EVIDENCE
+    here, best = start, start
     outward = 0.0
-    best = replace(start, misfit=np.inf)
     for _ in range(iterations):
-        surface = body.skin(a_pose(angles))
-        if not free:
-            translation = origin_translation(start.origin, surface)
+        surface = body.skin(here.pose)
+        translation = here.translation if free else origin_translation(start.origin, surface)
         points = cloth.points + translation
-        score = float(misfit(surface.distance(points)))
-        if score < best.misfit:
-            best = PoseFit(angles, start.origin, translation, score)
         nearest = surface.nearest(points)
+        here = replace(here, translation=translation, misfit=float(misfit(surface.distance(points, nearest))))
+        best = min(best, here, key=lambda stance: stance.misfit)
+        if not (free or turn):
+            break
         normals = surface.normals[nearest]
         agreement = np.einsum("ij,ij->i", cloth.normals, normals)
         outward = outward or float(np.sign(agreement.sum())) or 1.0
         residual = np.einsum("ij,ij->i", normals, points - surface.vertices[nearest])
         weight = 1 / (1 + (residual / OUTLIER) ** 2) * np.where(agreement * outward > 0, 1, 0.1)
-        moves = _skin_moves(body, nearest, angles)
-        jacobian = np.einsum("ij,pij->ip", normals, moves)
-        prior = stiffness
-        pull = -stiffness * angles
-        if free:
-            jacobian = np.concatenate([jacobian, -normals], axis=1)
-            prior, pull = np.append(prior, np.zeros(3)), np.append(pull, np.zeros(3))
-        normal_matrix = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
+        jacobian = -normals if free else np.zeros((len(points), 0))
+        if turn:
+            moves = np.einsum("ij,pij->ip", normals, _skin_moves(body, nearest, here.angles))
+            jacobian = np.concatenate([moves, jacobian], axis=1)
+        prior, pull = np.full((2, jacobian.shape[1]), 1e-9)
+        prior[:count] += stiffness
+        pull[:count] -= stiffness * here.angles[:count]
+        normal_matrix = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior)
         step = np.linalg.solve(normal_matrix, jacobian.T @ (weight * residual) + pull)
-        step *= min(1.0, 0.25 / max(np.abs(step).max(), 1e-12))
-        angles = angles + step[: len(TURNS)]
+        step *= min(1.0, LONGEST_STEP / max(np.abs(step).max(), 1e-12))
+        if turn:
+            angles = here.angles + step[:count]
+            here = replace(here, pose=a_pose(angles), angles=angles)
         if free:
-            translation = translation + step[len(TURNS) :]
+            here = replace(here, translation=here.translation + step[count:])
         if np.abs(step).max() < 2e-4:
             break
     return best
@@ -157,8 +186,8 @@ def fit_a_pose(cloth: ClothSample, body: RestBody, start: PoseFit, iterations: i
 
 def _skin_moves(body: RestBody, index: NDArray[np.int64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative (7, S, 3) of the posed positions of body vertices `index` by each angle."""
-    vertices, weights = body.vertices[index], body.model.weights[index]
+    vertices, weights = body.surface.vertices[index], body.weights[index]
     h = 1e-4
     poses = np.stack([a_pose(angles), *(a_pose(angles + h * unit) for unit in np.eye(len(angles)))])
-    moved = skin(vertices, weights, joint_transforms(axis_angle_to_matrix(poses), body.joints))
+    moved = skin(vertices, weights, joint_transforms(axis_angle_to_matrix(poses), body.surface.joints))
     return (moved[1:] - moved[0]) / h
