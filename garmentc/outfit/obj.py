@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.errors import Diagnostic, GarmentcError
-from garmentc.outfit.mtl import load_materials
+from garmentc.outfit.materials import load_materials
 from garmentc.outfit.obj_scan import Tables, scan
 from garmentc.outfit.obj_state import read_state
 from garmentc.outfit.obj_text import ObjText, read_text

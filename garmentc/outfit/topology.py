@@ -42,7 +42,7 @@ def weld(outfit: Outfit, tolerance: float = WELD_TOLERANCE) -> Welded:
     used[outfit.tri_v] = True
     index = np.flatnonzero(used)
     points = outfit.vertices[index]
-    exact = _first_equal(points)
+    exact = first_equal(points)
     representatives = np.flatnonzero(exact == np.arange(len(points)))
     near = _first_near(points[representatives], _radius(outfit, points, tolerance))
     place = np.zeros(len(points), dtype=np.int64)
@@ -87,11 +87,10 @@ def _squares(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 def triangle_normals(points: NDArray[np.float64], triangles: NDArray[Any]) -> NDArray[np.float64]:
     """(F, 3) unit normals; zero where a triangle has no area."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
-    normals: NDArray[np.float64] = np.cross(b - a, c - a)
-    return unit_rows(normals)
+    return unit_rows(np.cross(b - a, c - a))
 
 
-def unit_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit_rows(rows: NDArray[Any]) -> NDArray[np.float64]:
     """Rows scaled to length 1; rows of length 0 stay 0."""
     length = np.linalg.norm(rows, axis=-1, keepdims=True)
     unit: NDArray[np.float64] = rows / np.where(length > 0, length, 1.0)
@@ -149,15 +148,16 @@ def _proper(triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
     return proper
 
 
-def _first_equal(points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(N,) index of the first point exactly equal to each."""
-    points = points + 0.0  # -0.0 becomes 0.0
-    order = np.lexsort(points.T)
-    ordered = points[order]
-    new = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)]) if len(points) else np.zeros(0, bool)
-    run_starts = np.flatnonzero(new)
-    firsts = np.minimum.reduceat(order, run_starts) if len(points) else order
-    result = np.empty(len(points), dtype=np.int64)
+def first_equal(rows: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(N,) index of the first of the rows (N, k) that is exactly equal to each."""
+    if not len(rows):
+        return np.zeros(0, dtype=np.int64)
+    rows = rows + 0.0  # -0.0 becomes 0.0
+    order = np.lexsort(rows.T)
+    ordered = rows[order]
+    new = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
+    firsts = np.minimum.reduceat(order, np.flatnonzero(new))
+    result = np.empty(len(rows), dtype=np.int64)
     result[order] = firsts[np.cumsum(new) - 1]
     return result
 
