@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from garmentc.gltf.asset import Asset, Clip, GltfOptions
-from garmentc.gltf.corner_primitive import CornerPrimitive
+from garmentc.outfit.corners import CornerPrimitive
 from garmentc.outfit.outfit import Material
 from garmentc.rig import DenseLayer, KeyNetwork, Rig
 from garmentc.smpl.default_body import load_default_body
@@ -90,7 +90,9 @@ def make_motion(frames: int = 30, fps: float = 30.0, name: str = "walk") -> Moti
     return Motion(name=name, poses=poses, trans=trans, fps=fps)
 
 
-def make_primitives(rig: Rig, columns: int = 24, rows: int = 20, parts: int = 2, uv: bool = True, normals: bool = True):
+def make_primitives(
+    rig: Rig, columns: int = 24, rows: int = 20, parts: int = 2, uv: bool = True
+) -> tuple[CornerPrimitive, ...]:
     """The gown cut across into `parts` primitives, corners split where the texture has a seam."""
     _, triangles, texcoords = tube(columns, rows)
     outward = vertex_normals(rig.template, rig.triangles)
@@ -106,9 +108,11 @@ def make_primitives(rig: Rig, columns: int = 24, rows: int = 20, parts: int = 2,
             CornerPrimitive(
                 material=part,
                 vertices=vertices,
+                obj_vertices=vertices,
                 triangles=local.reshape(-1, 3).astype(np.uint32),
+                tri_index=np.flatnonzero(chosen).astype(np.int32),
                 texcoords=unique[:, 1:].astype(np.float32) if uv else None,
-                normals=outward[vertices].astype(np.float32) if normals else None,
+                normals=outward[vertices].astype(np.float32),
                 colors=None,
             )
         )
@@ -122,7 +126,7 @@ def make_asset(
     return Asset(
         name="gown",
         rig=rig,
-        primitives=make_primitives(rig, parts=parts, uv=uv, normals=normals),
+        primitives=make_primitives(rig, parts=parts, uv=uv),
         materials=tuple(Material(name=f"cloth {part}") for part in range(parts)),
         clips=(Clip(make_motion()),),
         options=GltfOptions(influences=influences, **options),

@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 import garmentc
-from garmentc.gltf.corner_primitive import CornerPrimitive
+from garmentc.outfit.corners import CornerPrimitive
 from garmentc.outfit.outfit import Material
 from garmentc.rig import Rig
 from garmentc.smpl.motion import Motion

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from garmentc.gltf.accessors import AccessorWriter
 from garmentc.gltf.asset import Asset
-from garmentc.gltf.corner_primitive import CornerPrimitive
 from garmentc.gltf.positions import PositionCodec
 from garmentc.gltf.skin import add_influences, largest_influences
+from garmentc.outfit.corners import CornerPrimitive
 
 
 def add_mesh(writer: AccessorWriter, asset: Asset, codec: PositionCodec, materials: dict[int, int]) -> int:
@@ -48,9 +48,8 @@ def _add_primitive(
     attributes = Attributes()
     positions = codec.positions(asset.rig.template[corners.vertices])
     attributes.POSITION = writer.attribute(positions, normalized=quantize, bounds=True, label="the template")
-    if corners.normals is not None:
-        normals = _normals(corners.normals, quantize)
-        attributes.NORMAL = writer.attribute(normals, normalized=quantize, label="the normals")
+    normals = _normals(corners.normals, quantize)
+    attributes.NORMAL = writer.attribute(normals, normalized=quantize, label="the normals")
     if corners.texcoords is not None:
         texcoords = _texcoords(corners.texcoords, quantize)
         normalized = texcoords.dtype == np.uint16
@@ -77,7 +76,7 @@ def _add_target(
     add = writer.sparse_attribute if asset.options.sparse else writer.attribute
     moved = codec.deltas(rig.blend_shapes[morph][corners.vertices])
     target = Attributes(POSITION=add(moved, normalized=quantize, bounds=True, label=f"blend shape {morph}"))
-    if rig.blend_normals is not None and corners.normals is not None:
+    if rig.blend_normals is not None:
         turned = _normals(rig.blend_normals[morph][corners.vertices], quantize)
         target.NORMAL = add(turned, normalized=quantize, label=f"the normals of blend shape {morph}")
     return target

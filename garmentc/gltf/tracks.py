@@ -15,6 +15,10 @@ from garmentc.smpl.rotations import axis_angle_to_quaternion
 from garmentc.smpl.skeleton import JOINT_COUNT, PARENTS
 
 
+_AT_REST = 1e-7
+"""Metres: what the rounding of a network's numbers may leave of its zero at rest."""
+
+
 @dataclass(frozen=True)
 class Track:
     """Keyframes of one property.
@@ -52,7 +56,7 @@ def clip_tracks(clip: Clip, rig: Rig, root: NDArray[Any], tolerance: float) -> t
     if np.any(translation != 0):
         frames = kept_frames(translation, lerp, _distance, tolerance)
         tracks.append(Track("translation", 0, frames, (root + translation[frames]).astype(np.float32)))
-    if np.any(weights != 0):
+    if np.any(np.abs(weights) @ sizes > _AT_REST):
         frames = kept_frames(weights, lerp, lambda a, b: np.abs(a - b) @ sizes, tolerance)
         tracks.append(Track("weights", None, frames, weights[frames].astype(np.float32)))
     return tuple(tracks)
@@ -72,7 +76,12 @@ def kept_frames(
     if tolerance <= 0 or last < 2:
         return np.arange(last + 1)
 
+    middles = interpolate(values[:-2], values[2:], np.full((last - 1, 1), 0.5))
+    one_dropped = difference(middles, values[1:-1]) <= tolerance  # most steps end here: checked for all at once
+
     def fits(start: int, end: int) -> bool:
+        if end - start == 2:
+            return bool(one_dropped[start])
         inner = np.arange(start + 1, end)
         amount = ((inner - start) / (end - start))[:, None]
         between = interpolate(values[start], values[end], amount)
@@ -99,14 +108,13 @@ def continuous(quaternions: NDArray[Any]) -> NDArray[Any]:
 
 
 def slerp(a: NDArray[Any], b: NDArray[Any], amount: NDArray[Any]) -> NDArray[Any]:
-    """Spherical interpolation the shorter way round (glTF 2.0, appendix C.4). (4,), (4,), (K, 1) to (K, 4)."""
-    cosine = float(a @ b)
-    angle = np.arccos(min(1.0, abs(cosine)))
-    if angle < 1e-6:
-        return lerp(a, b * np.copysign(1.0, cosine), amount)
-    near = b * np.copysign(1.0, cosine)
-    arc: NDArray[Any] = (np.sin((1 - amount) * angle) * a + np.sin(amount * angle) * near) / np.sin(angle)
-    return arc
+    """Spherical interpolation the shorter way round (glTF 2.0, appendix C.4). (..., 4), (..., 4), (K, 1) to (K, 4)."""
+    near = b * np.where((a * b).sum(axis=-1, keepdims=True) < 0, -1.0, 1.0)
+    half_chord = np.linalg.norm(a - near, axis=-1, keepdims=True) / 2
+    angle = 2 * np.arcsin(np.minimum(1, half_chord))
+    sine = np.where(angle < 1e-6, 1, np.sin(angle))
+    arc = (np.sin((1 - amount) * angle) * a + np.sin(amount * angle) * near) / sine
+    return np.where(angle < 1e-6, lerp(a, near, amount), arc)
 
 
 def lerp(a: NDArray[Any], b: NDArray[Any], amount: NDArray[Any]) -> NDArray[Any]:
