@@ -1,0 +1,47 @@
+"""The poses that passes fit to, and the others that they are measured on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.smpl.pose_sampler import sample_poses
+
+FIT_COUNT = 1024
+CHECK_COUNT = 64
+_FIT_SEED, _CHECK_SEED = 1, 2
+
+
+@dataclass(frozen=True)
+class PoseSet:
+    """Axis-angle poses, radians.
+
+    fit    (P, 24, 3) what a pass may adapt itself to
+    check  (Q, 24, 3) what its error is measured on: none of them is in `fit`
+    """
+
+    fit: NDArray[Any]
+    check: NDArray[Any]
+
+
+def plausible_poses(motion: NDArray[Any] | None = None, fit: int = FIT_COUNT, check: int = CHECK_COUNT) -> PoseSet:
+    """Sampled poses, the same in every run; frames of `motion` (T, 24, 3) join them, at most a quarter of each set.
+
+    A motion's frames are spread evenly over it, and the frames to check lie between those to fit.
+    """
+    poses = PoseSet(sample_poses(fit, _FIT_SEED), sample_poses(check, _CHECK_SEED))
+    if motion is None or not len(motion):
+        return poses
+    return PoseSet(
+        np.concatenate([poses.fit, motion[_spread(len(motion), fit // 4, 0.25)]]),
+        np.concatenate([poses.check, motion[_spread(len(motion), check // 4, 0.75)]]),
+    )
+
+
+def _spread(length: int, count: int, phase: float) -> NDArray[np.intp]:
+    """At most `count` rising frame numbers below `length`, `phase` of a step away from the step's start."""
+    count = min(count, length)
+    return ((np.arange(count) + phase) * (length / count)).astype(np.intp)
