@@ -25,7 +25,7 @@ def push_from_body(vertices: Array, faces: Faces, body: RestBody, rounds: int = 
 
     Raises ValueError where the rounds do not suffice.
     """
-    moved = vertices.copy()
+    moved = _outside_bumps(vertices, faces, body)
     edges = edges_of(faces)
     near_edges = np.arange(len(edges))
     near = np.arange(len(moved))
@@ -49,6 +49,25 @@ def push_from_body(vertices: Array, faces: Faces, body: RestBody, rounds: int = 
         near = near[distance < _NEAR]
     if (body.exact_distance(moved) < MIN_CLEARANCE).any():
         raise ValueError("cloth is caught in a fold of the body that it cannot leave")
+    return moved
+
+
+def _outside_bumps(vertices: Array, faces: Faces, body: RestBody, rounds: int = 4) -> Array:
+    """Vertices moved out where a vertex of the body pokes through a triangle, far from the triangle's corners."""
+    low, high = vertices.min(0) - 0.01, vertices.max(0) + 0.01
+    near = ((body.vertices > low) & (body.vertices < high)).all(1)
+    normals = vertex_normals(body.vertices, body.faces)[near]
+    moved = vertices.copy()
+    for _ in range(rounds):
+        distance, normal, corners = _against(body.vertices[near], (moved, faces))
+        out = (distance > -_MIDPOINT_CLEARANCE) & (distance < 0.015) & ((normals * normal).sum(1) > 0.2)
+        if not out.any():
+            break
+        push, count = np.zeros_like(moved), np.zeros(len(moved))
+        for k in range(3):
+            np.add.at(push, corners[out, k], (distance[out] + 2 * _MIDPOINT_CLEARANCE)[:, None] * normal[out])
+            np.add.at(count, corners[out, k], 1)
+        moved += push / np.maximum(count, 1)[:, None]
     return moved
 
 

@@ -194,13 +194,15 @@ def _trousers(rng: np.random.Generator, layer: int = 0, **fixed: object) -> Garm
 
 
 def _skirt_shape(rng: np.random.Generator) -> dict[str, object]:
-    flare = float(rng.choice([rng.uniform(-0.08, 0.02), rng.uniform(0.05, 0.3), rng.uniform(0.3, 0.6)]))
+    flare = float(rng.choice([rng.uniform(-0.08, 0.02), rng.uniform(0.05, 0.3), rng.uniform(0.3, 0.5)]))
+    length = float(rng.uniform(0.05, 1.0))
+    flare = min(flare, 0.05 + 0.22 / (0.2 + length))
     folds = flare > 0.05 and rng.random() < 0.6
     return {
         "flare": flare,
         "fold_count": int(rng.integers(5, 13)) if folds else 0,
         "fold_depth": float(rng.uniform(0.004, 0.02)) * min(1.0, 0.4 + flare) if folds else 0.0,
-        "length": float(rng.uniform(0.05, 1.0)),
+        "length": length,
     }
 
 

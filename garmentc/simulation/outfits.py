@@ -20,7 +20,7 @@ from garmentc.simulation.hems import split_at, trim
 from garmentc.simulation.layers import push_from_body, separate
 from garmentc.simulation.outfit_parameters import CATEGORIES, GarmentParameters, OutfitParameters, sample_parameters
 from garmentc.simulation.patterns import Pattern, make_pattern
-from garmentc.simulation.remeshing import Reference, even_out, relax, row_mesh, triangle_mesh
+from garmentc.simulation.remeshing import Reference, even_out, relax, row_mesh, split_quads, triangle_mesh
 from garmentc.simulation.slivers import mend_slivers
 from garmentc.simulation.surface import (
     Faces,
@@ -159,17 +159,19 @@ def _cloth(dense: _Dense, count: int, seed: int) -> tuple[Array, Faces]:
     for attempt in range(8):
         if dense.garment.tessellation == "rows" and length < _COARSEST_ROWS and attempt < 4:
             fresh, triangles = _rows(dense, reference, count, attempt)
+            reach = 1.5 * length
         else:
             rng = np.random.default_rng([seed, attempt])
             total = 0.5 * np.linalg.norm(face_normals(vertices, faces), axis=1).sum()
             fresh, triangles = triangle_mesh(vertices, faces, round(count * total / area), dense.garment.stretch, rng)
             fresh = reference.project(fresh, vertex_normals(fresh, triangles))
+            reach = np.inf
         fresh, triangles = _largest_pieces(*trim(fresh, triangles, pattern.keep, length))
         if not non_manifold(triangles):
             break
     else:
         raise ValueError(f"outfit {seed}: no manifold mesh with {count} vertices; ask for more")
-    fresh, triangles = mend_slivers(relax(fresh, triangles, pattern.keep, reference), triangles)
+    fresh, triangles = mend_slivers(relax(fresh, triangles, pattern.keep, reference, reach), triangles)
     if dense.garment.brim > 0:
         fresh, triangles = add_brim(fresh, triangles, dense.garment.brim, length)
     return fresh, triangles
@@ -179,12 +181,13 @@ def _rows(dense: _Dense, reference: Reference, count: int, attempt: int) -> tupl
     """The garment with a margin as rows of quads, about `count` vertices of it cloth."""
     steps = np.sqrt(1.3 * dense.area / count) * np.array(dense.garment.stretch) * (1 - 0.04 * attempt)
     for _ in range(2):
-        vertices, faces = row_mesh(dense.grid, dense.values, steps)
+        vertices, quads = row_mesh(dense.grid, dense.values, steps)
         steps = steps * np.sqrt(max((dense.pattern.keep(vertices) > 0).sum(), 1) / count)
-    vertices, faces = row_mesh(dense.grid, dense.values, steps)
-    inside = dense.pattern.keep(vertices)[faces].max(1) > -1.2 * reference.length
-    vertices, faces = compact(vertices, faces[inside])
-    return even_out(vertices, faces, reference, 6), faces
+    vertices, quads = row_mesh(dense.grid, dense.values, steps)
+    inside = dense.pattern.keep(vertices)[quads].max(1) > -1.2 * reference.length
+    vertices, quads = compact(vertices, quads[inside])
+    vertices = even_out(vertices, quads, reference, 10)
+    return vertices, split_quads(vertices, quads)
 
 
 def _largest_pieces(vertices: Array, faces: Faces) -> tuple[Array, Faces]:

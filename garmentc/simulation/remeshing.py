@@ -57,7 +57,7 @@ def triangle_mesh(
     weight = np.bincount(faces.reshape(-1), np.repeat(area, 3), len(vertices)) / 3
     length = np.sqrt(area.sum() / count)
     scale = np.array(stretch)
-    places = np.concatenate([vertices / scale, 0.8 * length * normals], axis=1)
+    places = np.concatenate([vertices / scale, 0.3 * length * normals], axis=1)
     weight = weight / weight.sum()
     seeds = places[rng.choice(len(vertices), size=min(count, len(vertices)), replace=False, p=weight)]
     for _ in range(_LLOYD_ROUNDS):
@@ -66,16 +66,40 @@ def triangle_mesh(
         sums = np.stack([np.bincount(label, weight * places[:, k], len(seeds)) for k in range(6)], 1)
         seeds = np.where(total[:, None] > 0, sums / np.maximum(total[:, None], 1e-30), seeds)
     _, label = cKDTree(seeds).query(places)
+    label = _connected(label, edges_of(faces))
     dual = label[faces]
     dual = dual[(dual[:, 0] != dual[:, 1]) & (dual[:, 1] != dual[:, 2]) & (dual[:, 2] != dual[:, 0])]
     _, first = np.unique(np.sort(dual, axis=1), axis=0, return_index=True)
     return compact(seeds[:, :3] * scale, dual[np.sort(first)].astype(np.int32))
 
 
+def _connected(label: NDArray[np.int64], edges: Faces) -> NDArray[np.int64]:
+    """Labels (V,) with every cluster in one piece: smaller pieces join a neighbouring cluster."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    label = label.copy()
+    same = edges[label[edges[:, 0]] == label[edges[:, 1]]]
+    graph = coo_array((np.ones(len(same)), (same[:, 0], same[:, 1])), shape=(len(label), len(label)))
+    _, piece = connected_components(graph, directed=False)
+    size = np.bincount(piece)
+    largest = np.zeros(label.max() + 1, dtype=np.int64)
+    np.maximum.at(largest, label, size[piece])
+    loose = size[piece] < largest[label]
+    while loose.any():
+        a, b = np.concatenate([edges, edges[:, ::-1]]).T
+        reached = loose[a] & ~loose[b]
+        if not reached.any():
+            break
+        label[a[reached]] = label[b[reached]]
+        loose[a[reached]] = False
+    return label
+
+
 def row_mesh(grid: Grid, values: Array, steps: Array) -> tuple[Array, Faces]:
     """A mesh whose edges run in rows along the axes: naive surface nets (Gibson 1998) on cells of size `steps` (3,).
 
-    grid, values  the field to mesh. Quads come split along their shorter diagonal.
+    grid, values  the field to mesh. Returns vertices and quads (Q, 4).
     """
     low = np.floor(grid.origin / steps).astype(int)
     high = np.ceil((grid.origin + grid.spacing * (np.array(grid.shape) - 1)) / steps).astype(int)
@@ -113,10 +137,11 @@ def row_mesh(grid: Grid, values: Array, steps: Array) -> tuple[Array, Faces]:
         quad = np.stack(ring, 1)
         quads.append(np.where((a < 0)[:, None], quad, quad[:, ::-1])[interior])
     vertices = (total / np.maximum(crossings, 1)[..., None]).reshape(-1, 3)
-    return compact(vertices, _split_quads(vertices, np.concatenate(quads)))
+    return compact(vertices, np.concatenate(quads).astype(np.int32))
 
 
-def _split_quads(vertices: Array, quads: NDArray[np.int64]) -> Faces:
+def split_quads(vertices: Array, quads: Faces) -> Faces:
+    """Two triangles per quad (Q, 4), along the shorter diagonal."""
     a, b, c, d = quads.T
     short = np.linalg.norm(vertices[a] - vertices[c], axis=1) <= np.linalg.norm(vertices[b] - vertices[d], axis=1)
     first = np.where(short[:, None], np.stack([a, b, c], 1), np.stack([a, b, d], 1))
@@ -124,32 +149,36 @@ def _split_quads(vertices: Array, quads: NDArray[np.int64]) -> Faces:
     return np.concatenate([first, second]).astype(np.int32)
 
 
-def even_out(vertices: Array, faces: Faces, reference: Reference, passes: int) -> Array:
-    """Tangential Laplacian smoothing on the reference surface; the rim stays."""
-    mean = averaging_matrix(len(vertices), edges_of(faces))
+def even_out(vertices: Array, quads: Faces, reference: Reference, passes: int) -> Array:
+    """Tangential Laplacian smoothing of a quad mesh on the reference surface; the rim stays."""
+    sides = np.sort(np.concatenate([quads[:, [k, (k + 1) % 4]] for k in range(4)]), axis=1)
+    edges, count = np.unique(sides, axis=0, return_counts=True)
+    mean = averaging_matrix(len(vertices), edges)
     inner = np.ones(len(vertices), dtype=bool)
-    inner[boundary_edges(faces)] = False
-    moved = reference.project(vertices, vertex_normals(vertices, faces))
+    inner[edges[count == 1]] = False
+    triangles = split_quads(vertices, quads)
+    moved = reference.project(vertices, vertex_normals(vertices, triangles))
     for _ in range(passes):
-        normals = vertex_normals(moved, faces)
+        normals = vertex_normals(moved, triangles)
         step = 0.5 * (mean @ moved - moved) * inner[:, None]
         step -= (step * normals).sum(1, keepdims=True) * normals
         moved = reference.project(moved + step, normals)
     return moved
 
 
-def relax(vertices: Array, faces: Faces, keep: Field, reference: Reference, passes: int = 4) -> Array:
-    """Even out the triangles: interior vertices move towards their neighbours' mean along the surface, hem vertices
-    along the hem."""
+def relax(vertices: Array, faces: Faces, keep: Field, reference: Reference, reach: float, passes: int = 4) -> Array:
+    """Even out the triangles within `reach` of a hem: interior vertices move towards their neighbours' mean along the
+    surface, hem vertices along the hem."""
     edges, rim_edges = edges_of(faces), boundary_edges(faces)
     mean = averaging_matrix(len(vertices), edges)
     rim_mean = averaging_matrix(len(vertices), rim_edges)
     rim = np.zeros(len(vertices), dtype=bool)
     rim[rim_edges] = True
     moved = vertices
+    chosen = keep(vertices)[:, None] < reach
     for _ in range(passes):
         normals = vertex_normals(moved, faces)
-        step = np.where(rim[:, None], 0.4 * (rim_mean @ moved - moved), 0.5 * (mean @ moved - moved))
+        step = chosen * np.where(rim[:, None], 0.4 * (rim_mean @ moved - moved), 0.5 * (mean @ moved - moved))
         step -= (step * normals).sum(1, keepdims=True) * normals
         moved = reference.project(moved + step, normals)
         slid, _ = slide_to_hem(moved[rim], normals[rim], keep, reference.length)
