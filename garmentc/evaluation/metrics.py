@@ -61,8 +61,9 @@ def signed_distance(points: NDArray[Any], vertices: NDArray[Any], faces: NDArray
     import igl
 
     v, f, p = _as_igl(vertices), np.ascontiguousarray(faces, np.int64), _as_igl(points)
-    distance = np.sqrt(igl.point_mesh_squared_distance(p, v, f)[0])
-    return np.where(inside(p, v, f), -distance, distance)
+    distance: NDArray[np.float64] = np.sqrt(igl.point_mesh_squared_distance(p, v, f)[0])
+    distance[inside(p, v, f)] *= -1
+    return distance
 
 
 def _as_igl(array: NDArray[Any]) -> NDArray[np.float64]:

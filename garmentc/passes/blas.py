@@ -11,7 +11,7 @@ def single_threaded_blas() -> AbstractContextManager[object]:
     OpenBLAS splits a product differently for each number of threads, so the last bits of the result change with it,
     and with them the bytes of the asset. Nothing here is large enough for that to cost more than a second.
     """
-    from threadpoolctl import threadpool_limits
+    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
     context: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
     return context

@@ -21,7 +21,7 @@ class PruneMorphs:
 
 
 def prune_morphs(rig: Rig, options: PruneMorphs, poses: PoseSet) -> tuple[Rig, PassReport]:
-    """Set deltas to 0 that move their vertex by less than `threshold` where their key is at its reach (see `key_reach`).
+    """Set deltas to 0 that move their vertex by less than `threshold` where their key is at its `key_reach`.
 
     Deltas of several shapes add up, so the posed error may exceed the threshold; the report has it.
     """
