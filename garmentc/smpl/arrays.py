@@ -75,7 +75,7 @@ def numbers(arrays: Mapping[str, Any], key: str, shape: Shape, path: Path) -> ND
     )
     if not fits:
         raise GarmentcError(f"'{key}' has shape {shape_text(array.shape)}, expected {shape_text(shape)}", path)
-    converted = array.astype(np.float64)
+    converted = array.astype(np.float64, copy=False)
     if not np.isfinite(converted).all():
         where = " ".join(map(str, np.argwhere(~np.isfinite(converted))[0]))
         raise GarmentcError(f"'{key}' holds NaN or infinity (first at index {where})", path)

@@ -17,4 +17,6 @@ def load_body(path: Path | None = None, gender: str | None = None) -> BodyModel:
     """
     if path is None:
         return load_default_body(gender or "neutral")
-    raise NotImplementedError
+    from garmentc.smpl.user_body import read_user_body
+
+    return read_user_body(path, gender)
