@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import click
 
 from garmentc import options as choices
 from garmentc.cli.parameters import PATH, Length, Numbers
+from garmentc.cli.printing import file_size, print_json, print_warnings, progress, table
 from garmentc.options import CompileOptions
+
+if TYPE_CHECKING:
+    from garmentc.report import CompileReport
 
 
 def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
@@ -57,4 +61,34 @@ def command(outfit: Path, output: Path, report: Path | None, as_json: bool, quie
 
     Whatever is not given is detected, or comes from the profile, and is reported.
     """
+    from garmentc.output import check_writable
+    from garmentc.pipeline import STAGES, compile_outfit
+    from garmentc.report import write_report
+
     options = CompileOptions(**given)
+    if report is not None:
+        check_writable(report)
+    with progress(STAGES, quiet) as on_stage:
+        result = compile_outfit(outfit, output, options, on_stage=on_stage)
+    if report is not None:
+        write_report(result, report)
+    if not quiet:
+        print_warnings(result.warnings)
+    if as_json:
+        print_json(result.as_document())
+    elif not quiet:
+        click.echo(_summary(result))
+
+
+def _summary(report: CompileReport) -> str:
+    """What a person wants to know: what was recognised, what was made, what it cost."""
+    rig, output = report.rig, report.output
+    rows = [
+        ("recognised", report.alignment.summary),
+        ("outfit", f"{report.outfit.vertices} vertices, {report.outfit.triangles} triangles"),
+        *((f"motion {motion.name}", f"{motion.frames} frames at {motion.fps:g} fps") for motion in report.motions),
+        *((step.name, f"{step.detail}; {step.error}" if step.error else step.detail) for step in report.passes),
+        ("rig", f"{rig.joints} joints, {rig.influences} influences, {rig.morphs} morph targets"),
+        (output.path, f"{file_size(output.bytes)} in {report.seconds:.1f} s"),
+    ]
+    return table(rows)

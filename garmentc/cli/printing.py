@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import click
@@ -27,6 +28,23 @@ def print_json(document: Any) -> None:
     """The machine-readable result on stdout."""
     json.dump(document, sys.stdout, indent=2, allow_nan=False)
     sys.stdout.write("\n")
+
+
+@contextmanager
+def progress(steps: Sequence[str], quiet: bool) -> Iterator[Callable[[str], None]]:
+    """A progress bar on stderr where that is a terminal. Call what it yields with each of `steps` as it begins."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda step: None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=len(steps), bar_format="{bar:20} {desc} {elapsed}", leave=False) as bar:
+
+        def begin(step: str) -> None:
+            bar.n = steps.index(step)
+            bar.set_description_str(step)
+
+        yield begin
 
 
 def table(rows: Sequence[Sequence[Any]], header: Sequence[str] | None = None) -> str:

@@ -1,0 +1,113 @@
+"""The pose-key network as an ONNX graph, for programs that would rather run ONNX than read the glTF extension."""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from garmentc.output import written_whole
+from garmentc.rig import NORMALIZED_RELU_EPSILON, KeyNetwork
+from garmentc.smpl.skeleton import JOINT_COUNT
+
+OPSET, IR_VERSION = 18, 9
+
+
+def write_key_graph(network: KeyNetwork, path: str | PathLike[str]) -> None:
+    """Write `key_graph`. Raises GarmentcError where the file cannot be written."""
+    data = key_graph(network)
+    with written_whole(path) as file:
+        file.write(data)
+
+
+def key_graph(network: KeyNetwork) -> bytes:
+    """An ONNX model: pose (T, 24, 3) axis-angle in radians → keys (T, M), float32. Equal networks give equal bytes."""
+    from onnx import TensorProto, checker, helper
+
+    graph = _Graph()
+    x = _encoded(graph)
+    for index, layer in enumerate(network.layers):
+        name = f"layer_{index}"
+        weight, bias = (graph.constant(f"{name}.{part}", getattr(layer, part)) for part in ("weight", "bias"))
+        x = graph.add("Gemm", [x, weight, bias], name, transB=1)
+        if layer.activation != "linear":
+            x = graph.add("Relu", [x], f"{name}.relu")
+        if layer.activation == "normalized_relu":
+            total = graph.add("ReduceSum", [x, "last_axis"], f"{name}.sum", keepdims=1)
+            floor = graph.add(
+                "Add", [total, graph.constant(f"{name}.epsilon", [NORMALIZED_RELU_EPSILON])], f"{name}.floor"
+            )
+            x = graph.add("Div", [x, floor], f"{name}.normalized")
+    graph.add("Identity", [x], "keys")
+    pose = helper.make_tensor_value_info("pose", TensorProto.FLOAT, ["T", JOINT_COUNT, 3])
+    keys = helper.make_tensor_value_info("keys", TensorProto.FLOAT, ["T", network.output_size])
+    body = helper.make_graph(graph.nodes, "pose_keys", [pose], [keys], graph.constants)
+    model = helper.make_model(body, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION)
+    model.producer_name = "garmentc"
+    checker.check_model(model, full_check=True)
+    data: bytes = model.SerializeToString(deterministic=True)
+    return data
+
+
+class _Graph:
+    """Nodes and constants of a graph under construction."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Any] = []
+        self.constants: list[Any] = []
+
+    def constant(self, name: str, value: Any, dtype: type[np.generic] = np.float32) -> str:
+        from onnx import numpy_helper
+
+        self.constants.append(numpy_helper.from_array(np.ascontiguousarray(value, dtype), name))
+        return name
+
+    def add(self, operator: str, inputs: list[str], output: str, **attributes: Any) -> str:
+        from onnx import helper
+
+        self.nodes.append(helper.make_node(operator, inputs, [output], name=output, **attributes))
+        return output
+
+
+def _encoded(graph: _Graph) -> str:
+    """garmentc.rig.encode_pose: (T, 24, 3) to (T, 72)."""
+    axis = graph.constant("last_axis", [-1], np.int64)
+    squares = graph.add("ReduceSumSquare", ["pose", axis], "squares", keepdims=1)
+    angle = graph.add("Sqrt", [graph.add("Max", [squares, graph.constant("tiny", [1e-12])], "squares_floor")], "angle")
+    # The shorter way round: the angle less whole turns, in [-pi, pi].
+    half_turns = graph.add("Add", [angle, graph.constant("pi", [np.pi])], "angle_and_half_turn")
+    turns = graph.add(
+        "Floor", [graph.add("Div", [half_turns, graph.constant("two_pi", [2 * np.pi])], "turns")], "whole"
+    )
+    excess = graph.add("Div", [graph.add("Mul", [turns, "two_pi"], "excess_angle"), angle], "excess")
+    short = graph.add("Mul", ["pose", graph.add("Sub", [graph.constant("one", [1.0]), excess], "share")], "short_pose")
+    root, others = (_slice(graph, short, 1, *span) for span in ((0, 1), (1, JOINT_COUNT)))
+    joined = graph.add("Concat", [_gravity(graph, root), others], "encoded_joints", axis=1)
+    return graph.add("Reshape", [joined, graph.constant("encoded_shape", [-1, 3 * JOINT_COUNT], np.int64)], "encoded")
+
+
+def _gravity(graph: _Graph, root: str) -> str:
+    """Up seen from the pelvis, minus up, from the pelvis' axis-angle r (T, 1, 3) of length a.
+
+    Rodrigues' formula for R(-r) y - y:  (1 - cos a) / a^2 (r x (r x y)) - sin a / a (r x y)
+    """
+    squares = graph.add("ReduceSumSquare", [root, "last_axis"], "root_squares", keepdims=1)
+    floor = graph.add("Max", [squares, "tiny"], "root_squares_floor")
+    angle = graph.add("Sqrt", [floor], "root_angle")
+    sine = graph.add("Div", [graph.add("Sin", [angle], "sine"), angle], "sine_term")
+    versine = graph.add("Sub", ["one", graph.add("Cos", [angle], "cosine")], "versine")
+    versine = graph.add("Div", [versine, floor], "versine_term")
+    cross = graph.add("MatMul", [root, graph.constant("cross_up", [[0, 0, 1], [0, 0, 0], [-1, 0, 0]])], "cross")
+    along = graph.add("Mul", [root, _slice(graph, root, 2, 1, 2)], "along")  # r (r . y)
+    upward = graph.add("Mul", [squares, graph.constant("up", [0, 1, 0])], "upward")  # (r . r) y
+    twice = graph.add("Sub", [along, upward], "cross_cross")
+    first, second = graph.add("Mul", [cross, sine], "first"), graph.add("Mul", [twice, versine], "second")
+    return graph.add("Sub", [second, first], "gravity")
+
+
+def _slice(graph: _Graph, x: str, axis: int, start: int, end: int) -> str:
+    name = f"{x}[{start}:{end}]"
+    bounds = [graph.constant(f"{name}.{word}", [value], np.int64) for word, value in
+              (("start", start), ("end", end), ("axis", axis))]  # fmt: skip
+    return graph.add("Slice", [x, *bounds], name)

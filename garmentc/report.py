@@ -1,0 +1,239 @@
+"""What a compile did, as data: what the Python API returns, and what `--report` and `--json` write.
+
+Times and paths stand here and nowhere in the .glb, whose bytes depend on its input alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from garmentc import __version__
+from garmentc.errors import Diagnostic
+from garmentc.output import written_whole
+from garmentc.passes.report import PassReport
+
+if TYPE_CHECKING:
+    from garmentc.gltf.write import WrittenGlb
+    from garmentc.options import CompileOptions
+    from garmentc.outfit.align import Alignment
+    from garmentc.pipeline import Dressed, Inputs
+    from garmentc.rig import Rig
+
+
+@dataclass(frozen=True)
+class FileFacts:
+    """A file by its content. A device or a pipe has none to speak of: no bytes and no hash."""
+
+    path: str
+    bytes: int
+    sha256: str
+
+    @classmethod
+    def of(cls, path: Path) -> FileFacts:
+        if not path.is_file():
+            return cls(str(path), 0, "")
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        return cls(str(path), path.stat().st_size, digest)
+
+
+@dataclass(frozen=True)
+class StageTime:
+    """Wall time of one stage of the pipeline."""
+
+    name: str
+    seconds: float
+
+
+@dataclass(frozen=True)
+class OutfitFacts:
+    """What was read.
+
+    vertices   of the OBJ
+    welded     vertices after merging equal positions: what the networks see
+    corners    vertices of the glb, split at seams
+    """
+
+    vertices: int
+    triangles: int
+    welded: int
+    corners: int
+    materials: tuple[str, ...]
+    textures: int
+
+
+@dataclass(frozen=True)
+class FitFacts:
+    """How an outfit sits on its body: distances of its vertices from the skin."""
+
+    mean_gap_mm: float
+    median_gap_mm: float
+    p95_gap_mm: float
+    inside: float
+    depth_mm: float
+
+
+@dataclass(frozen=True)
+class AlignmentFacts:
+    """How the outfit was recognised.
+
+    fit          how the outfit sits on the body, millimetres, and the share of its vertices inside
+    misfits_mm   by gender: how badly the best guess fits each body that was tried
+    to_body      4x4 matrix from file coordinates to the body's axes and metres, before the pose is undone
+    """
+
+    summary: str
+    units: str
+    up: str
+    front: str
+    origin: str
+    rest_pose: str
+    arms_degrees: float
+    body: str
+    gender: str
+    betas: tuple[float, ...]
+    fit: FitFacts
+    misfits_mm: dict[str, float]
+    to_body: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class ModelFacts:
+    """Where the rig came from."""
+
+    family: str
+    bundle: str
+
+
+@dataclass(frozen=True)
+class MotionFacts:
+    """A motion that became an animation."""
+
+    name: str
+    source: str
+    frames: int
+    fps: float
+
+
+@dataclass(frozen=True)
+class RigFacts:
+    """What an engine has to run. `keyframes` are those of all channels, out of `motion_frames`."""
+
+    joints: int
+    influences: int
+    morphs: int
+    quantized: bool
+    pose_keys: bool
+    keyframes: int
+    motion_frames: int
+
+
+@dataclass(frozen=True)
+class CompileReport:
+    """The result of a compile (schemas/report.schema.json)."""
+
+    input: FileFacts
+    output: FileFacts
+    profile: str
+    outfit: OutfitFacts
+    alignment: AlignmentFacts
+    model: ModelFacts
+    passes: tuple[PassReport, ...]
+    rig: RigFacts
+    motions: tuple[MotionFacts, ...]
+    stages: tuple[StageTime, ...]
+    warnings: tuple[Diagnostic, ...]
+    garmentc: str = __version__
+    schema: int = 1
+
+    @property
+    def seconds(self) -> float:
+        """Wall time of all stages."""
+        return sum(stage.seconds for stage in self.stages)
+
+    def as_document(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        document: dict[str, Any] = json.loads(json.dumps(asdict(self), allow_nan=False))
+        return document
+
+
+def write_report(report: CompileReport, path: Path) -> None:
+    """Write `report` as JSON. Raises GarmentcError where the file cannot be written."""
+    text = json.dumps(report.as_document(), indent=2, ensure_ascii=False) + "\n"
+    with written_whole(path) as file:
+        file.write(text.encode("utf-8"))
+
+
+def make_report(
+    options: CompileOptions,
+    source: Inputs,
+    dressed: Dressed,
+    rig: Rig,
+    passes: Sequence[PassReport],
+    written: WrittenGlb,
+    stages: Sequence[StageTime],
+) -> CompileReport:
+    """Gather what the stages found out."""
+    outfit, settings = dressed.alignment.outfit, options.settings
+    textures = {map.name for material in outfit.materials if (map := material.base_color_texture) is not None}
+    warnings = [*source.outfit.warnings, *dressed.alignment.warnings]
+    for motion in dressed.motions:
+        warnings += motion.warnings
+    return CompileReport(
+        input=FileFacts.of(source.outfit.path),
+        output=FileFacts.of(written.path),
+        profile=options.profile,
+        outfit=OutfitFacts(
+            vertices=len(outfit.vertices),
+            triangles=len(outfit.tri_v),
+            welded=len(dressed.welded.vertices),
+            corners=sum(len(primitive.vertices) for primitive in dressed.corners.primitives),
+            materials=tuple(material.name for material in outfit.materials),
+            textures=len(textures),
+        ),
+        alignment=_alignment_facts(dressed.alignment),
+        model=ModelFacts(options.family, source.bundle.name),
+        passes=tuple(passes),
+        rig=RigFacts(
+            joints=len(rig.joints),
+            influences=settings.influences,
+            morphs=rig.morph_count,
+            quantized=settings.quantize,
+            pose_keys=options.pose_keys and rig.keys is not None,
+            keyframes=written.keyframes,
+            motion_frames=written.motion_frames,
+        ),
+        motions=tuple(MotionFacts(m.name, m.source, len(m), m.fps) for m in dressed.motions),
+        stages=tuple(stages),
+        warnings=(*warnings, *written.warnings),
+    )
+
+
+def _alignment_facts(alignment: Alignment) -> AlignmentFacts:
+    fit, frame = alignment.fit, alignment.frame
+    return AlignmentFacts(
+        summary=alignment.summary,
+        units=frame.unit,
+        up=frame.up,
+        front=frame.front,
+        origin=frame.origin,
+        rest_pose=alignment.rest_pose,
+        arms_degrees=float(alignment.arms),
+        body=alignment.body.name,
+        gender=alignment.gender,
+        betas=() if alignment.betas is None else tuple(float(beta) for beta in alignment.betas),
+        fit=FitFacts(
+            mean_gap_mm=1000 * fit.mean_gap,
+            median_gap_mm=1000 * fit.median_gap,
+            p95_gap_mm=1000 * fit.p95_gap,
+            inside=fit.inside,
+            depth_mm=1000 * fit.depth,
+        ),
+        misfits_mm={gender: 1000 * float(misfit) for gender, misfit in alignment.misfits.items()},
+        to_body=tuple(tuple(float(value) for value in row) for row in alignment.to_body),
+    )
