@@ -130,7 +130,7 @@ from gltf_samples import make_rig
 from garmentc.passes.pose_set import plausible_poses
 from garmentc.passes.reduce_blend_shapes import ReduceBlendShapes, reduce_blend_shapes
 rig, report = reduce_blend_shapes(
-    make_rig(morphs=64, columns=60, rows=40), ReduceBlendShapes(count=16), plausible_poses(fit=300, check=4)
+    make_rig(morphs=64, columns=60, rows=40), ReduceBlendShapes(count=60), plausible_poses(fit=300, check=4)
 )
 arrays = [rig.blend_shapes, *(value for layer in rig.keys.layers for value in (layer.weight, layer.bias))]
 print(hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest(), report)
