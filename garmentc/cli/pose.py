@@ -1,0 +1,88 @@
+"""garmentc pose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from garmentc.cli.parameters import PATH
+from garmentc.cli.printing import print_json
+from garmentc.errors import GarmentcError
+
+if TYPE_CHECKING:
+    from garmentc.gltf.glb_asset import GlbAsset
+    from garmentc.gltf.state import State
+
+DEFAULT_FPS = 30.0
+"""Where an animation does not say how many frames a second it has."""
+
+
+@click.command("pose")
+@click.argument("glb", type=PATH, metavar="ASSET.glb")
+@click.option("-o", "--output", type=PATH, metavar="OUT.obj|ply", required=True, help="File to write.")
+@click.option("--frame", type=click.IntRange(min=0), metavar="N", help="Frame of the animation, from 0.")
+@click.option("--time", type=click.FloatRange(min=0), metavar="SECONDS", help="Time in the animation.")
+@click.option("--params", type=PATH, metavar="FILE", help="Pose in a .json or .npz file.")
+@click.option("--animation", default=0, show_default=True, metavar="INDEX", help="Which animation.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
+@click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
+def command(
+    glb: Path,
+    output: Path,
+    frame: int | None,
+    time: float | None,
+    params: Path | None,
+    animation: int,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Evaluate ASSET.glb as an engine does and write the posed mesh.
+
+    Give one of --frame, --time and --params; without any, the rest pose is written.
+    """
+    from garmentc.gltf.evaluate import world_mesh
+    from garmentc.gltf.read import read_glb
+    from garmentc.mesh_file import check_mesh_suffix, write_mesh
+
+    if sum(choice is not None for choice in (frame, time, params)) > 1:
+        raise GarmentcError("--frame, --time and --params are given together; choose one")
+    check_mesh_suffix(output)
+    asset = read_glb(glb)
+    if frame is not None:
+        time = frame / _fps(asset, animation)
+    vertices, triangles = world_mesh(asset, _state(asset, time, params, animation))
+    write_mesh(output, vertices, triangles)
+    if as_json:
+        print_json({"output": str(output), "vertices": len(vertices), "triangles": len(triangles), "seconds": time})
+    elif not quiet:
+        click.echo(f"{output}: {len(vertices)} vertices, {len(triangles)} triangles")
+
+
+def _state(asset: GlbAsset, time: float | None, params: Path | None, animation: int) -> State:
+    from garmentc.gltf.posing import state_at_pose, state_at_time
+    from garmentc.gltf.state import rest_state
+    from garmentc.smpl.parameters import read_parameters
+
+    if time is not None:
+        state = state_at_time(asset, time, animation)
+        if time > asset.animations[animation].duration + 1e-4:
+            end = asset.animations[animation].duration
+            raise GarmentcError(
+                f"animation {animation} ends after {end:.3f} s; choose an earlier frame or time", asset.path
+            )
+        return state
+    if params is None:
+        return rest_state(asset)
+    pose = read_parameters(params).pose
+    if pose is None:
+        raise GarmentcError("has no pose; add one of 24 rotation vectors", params)
+    return state_at_pose(asset, pose)
+
+
+def _fps(asset: GlbAsset, animation: int) -> float:
+    """Frames a second that an animation was made with."""
+    entries = asset.document.get("animations", [])
+    extras = entries[animation].get("extras") if 0 <= animation < len(entries) else None
+    return float(extras.get("fps", DEFAULT_FPS)) if isinstance(extras, dict) else DEFAULT_FPS
