@@ -94,7 +94,7 @@ def _read_checked(path: Path, sha256: str) -> bytes:
 def _parse(path: Path, data: bytes) -> Any:
     """The ONNX model in `data`, refused where it refers to other files or to operators outside the standard."""
     import onnx
-    from google.protobuf.message import DecodeError
+    from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
 
     try:
         model = onnx.load_model_from_string(data)
@@ -136,7 +136,7 @@ def _key_network(model: Any, manifest: dict[str, Any], path: Path) -> KeyNetwork
     def constant(name: str, dimensions: int) -> NDArray[np.float32]:
         if name not in constants:
             raise GarmentcError(f"has no constant '{name}', which the manifest names", path)
-        value = numpy_helper.to_array(constants[name])
+        value: NDArray[np.float32] = numpy_helper.to_array(constants[name])
         if value.ndim != dimensions or value.dtype != np.float32 or not np.isfinite(value).all():
             raise GarmentcError(f"constant '{name}' is not {dimensions}-D float32 of finite numbers", path)
         return value

@@ -73,10 +73,9 @@ def infer(
     weights = np.empty((count, JOINT_COUNT), np.float32)
     shapes = np.empty((bundle.manifest["keys"], count, 3), np.float32)
     for start in range(0, count, MAX_DECODED):
-        rows = slice(start, start + MAX_DECODED)
-        feeds = {LOCAL: local[rows], GLOBAL: pooled}
-        weights[rows], decoded = sessions.heads.run([WEIGHTS, SHAPES], feeds)
-        shapes[:, rows] = decoded.transpose(1, 0, 2)
+        piece = slice(start, start + MAX_DECODED)
+        weights[piece], decoded = sessions.heads.run([WEIGHTS, SHAPES], {LOCAL: local[piece], GLOBAL: pooled})
+        shapes[:, piece] = decoded.transpose(1, 0, 2)
         progress(min(start + MAX_DECODED, count), count)
     return Rig(np.asarray(vertices), triangles, np.asarray(joints), weights, shapes, bundle.network)
 

@@ -37,11 +37,11 @@ class _Graph:
         self.nodes.append(helper.make_node(op, inputs, [output], name=output, **attributes))
         return output
 
-    def linear(self, x: str, layer: torch.nn.Linear, name: str, output: str | None = None) -> str:
+    def linear(self, x: str, layer: Any, name: str) -> str:
         inputs = [x, self.constant(f"{name}.weight", layer.weight.detach().numpy())]
         if layer.bias is not None:
             inputs.append(self.constant(f"{name}.bias", layer.bias.detach().numpy()))
-        return self.add("Gemm", inputs, output or f"{name}.out", transB=1)
+        return self.add("Gemm", inputs, f"{name}.out", transB=1)
 
     def mlp(self, x: str, layers: torch.nn.Sequential, name: str) -> str:
         for index, layer in enumerate(layers):

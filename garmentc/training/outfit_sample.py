@@ -12,10 +12,10 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from garmentc.outfit.topology import edges_of, vertex_normals
+from garmentc.outfit.topology import edges as unique_edges
+from garmentc.outfit.topology import vertex_normals
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.rotations import axis_angle_to_matrix
-from garmentc.smpl.skeleton import MIRROR
 from garmentc.smpl.skinning import joint_transforms, skin
 
 
@@ -68,7 +68,8 @@ class PosableBody:
         rotations = axis_angle_to_matrix(poses.astype(np.float32))
         vertices = np.repeat(self.vertices[None], len(poses), axis=0)
         self.model.correctives.add_to(vertices, rotations)
-        return skin(vertices, self.weights, transforms)
+        posed: NDArray[Any] = skin(vertices, self.weights, transforms)
+        return posed
 
 
 def body_normals(vertices: NDArray[Any], faces: NDArray[np.int32]) -> NDArray[Any]:
@@ -81,22 +82,13 @@ def body_normals(vertices: NDArray[Any], faces: NDArray[np.int32]) -> NDArray[An
         (np.ones(len(rows), np.float32), (rows, np.tile(np.arange(len(faces)), 3))), shape=(count, len(faces))
     )
     total = np.stack([gather @ f for f in face])
-    return total / np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-12)
-
-
-def nearest_on_bodies(
-    points: NDArray[Any], bodies: NDArray[Any], normals: NDArray[Any]
-) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The nearest body vertex of every point (T, N, 3) and its normal, each (T, N, 3)."""
-    nearest = [cKDTree(body, balanced_tree=False).query(p)[1] for p, body in zip(points, bodies, strict=True)]
-    picked = np.stack([body[i] for body, i in zip(bodies, nearest, strict=True)])
-    picked_normals = np.stack([n[i] for n, i in zip(normals, nearest, strict=True)])
-    return picked.astype(np.float32), picked_normals.astype(np.float32)
+    unit: NDArray[Any] = total / np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-12)
+    return unit
 
 
 def make_sample(name: str, vertices: NDArray[Any], triangles: NDArray[np.int32], body: PosableBody) -> OutfitSample:
     """Precompute everything about an outfit that does not change in training."""
-    edges = edges_of(triangles)
+    edges = unique_edges(triangles)
     count = len(vertices)
     both = np.concatenate([edges, edges[:, ::-1]])
     adjacency = sparse.csr_matrix((np.ones(len(both), np.float32), (both[:, 0], both[:, 1])), shape=(count, count))
@@ -123,8 +115,3 @@ def make_sample(name: str, vertices: NDArray[Any], triangles: NDArray[np.int32],
         prior=torch.from_numpy(body.weights[nearest].astype(np.float32)),
         body=body,
     )
-
-
-def mirrored_poses(poses: NDArray[Any]) -> NDArray[Any]:
-    """The same poses seen in a mirror (left and right exchanged). (T, 24, 3) to (T, 24, 3)."""
-    return poses[:, MIRROR] * np.array([1, -1, -1], dtype=poses.dtype)

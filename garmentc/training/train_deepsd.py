@@ -1,16 +1,15 @@
 """Train DeePSD on procedural outfits with physics losses alone.
 
-Stage 1 trains Φ, Ω, Ψ and the pose MLP: blend weights start at those of the nearest body vertex, then edge, bend,
-collision and small-deformation losses over random poses take over. Stage 2 trains χ alone, as the paper does.
-Needs no simulation and no motion capture.
+Stage 0 trains Φ and Ω towards the blend weights of the nearest body vertex. Stage 1 trains Φ, Ω, Ψ and the pose MLP
+on the edge, bend, collision and small-deformation losses over sampled poses. Stage 2 trains χ alone on the same
+losses, as the paper does. Needs no simulation and no motion capture.
 """
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +39,7 @@ class TrainingConfig:
 
     seed: int = 0
     minutes: float = 60.0
-    physics_share: float = 0.3  # of the time, for stage 2
+    stage_ends: tuple[float, float, float] = (0.04, 0.72, 1.0)  # of the time
     outfits_per_step: int = 2
     poses_per_outfit: int = 12
     learning_rate: float = 1e-3
@@ -50,8 +49,7 @@ class TrainingConfig:
     bend: float = 5.0
     collision: float = 3.0
     deformation: float = 0.01
-    prior_share: float = 0.08  # of stage 1 in which the prior on the blend weights fades
-    prior: float = 300.0
+    prior: float = 100.0  # on the blend weights; fades over the first tenth of stage 1
     prior_floor: float = 1.0
 
 
@@ -67,7 +65,7 @@ class Example:
 class TrainingState:
     """What a checkpoint holds beside the network."""
 
-    stage: int = 1
+    stage: int = 0
     step: int = 0
     seconds: float = 0.0  # of training so far, in all sessions
 
@@ -122,19 +120,45 @@ def train(
         network.load_state_dict(saved["network"])
         state = TrainingState(**saved["state"])
         optimizer_state = saved["optimizer"]
-    for stage in (1, 2):
-        if state.stage > stage:
-            continue
-        if state.stage < stage:
-            state, optimizer_state = TrainingState(stage=stage, seconds=state.seconds), None
+    while True:
         _train_stage(network, examples, held_out, config, state, optimizer_state, checkpoint, log)
-        optimizer_state = None
-    return network
+        if state.stage == 2:
+            return network
+        state, optimizer_state = TrainingState(stage=state.stage + 1, seconds=state.seconds), None
 
 
-def _stage_end(config: TrainingConfig, stage: int) -> float:
-    whole = 60 * config.minutes
-    return whole * (1 - config.physics_share) if stage == 1 else whole
+def _trained_parameters(network: Deepsd, stage: int) -> list[torch.nn.Parameter]:
+    parts: dict[int, list[torch.nn.Module]] = {
+        0: [network.convolutions, network.global_layer, network.weight_head],
+        1: [network.convolutions, network.global_layer, network.weight_head, network.data_head, network.pose_head],
+        2: [network.physics_head],
+    }
+    return [parameter for module in parts[stage] for parameter in module.parameters()]
+
+
+def _step_losses(
+    network: Deepsd, example: Example, chosen: NDArray[Any], config: TrainingConfig, stage: int, done: float
+) -> tuple[Tensor, dict[str, Tensor]]:
+    """The loss to minimise and its terms; `done` is the share of the stage that is over."""
+    outfit = example.outfit
+    if stage == 0:
+        descriptors = network.descriptors(outfit.vertices, outfit.normals, outfit.mean)
+        logarithms = torch.log_softmax(network.weight_head(descriptors), dim=1)
+        entropy = -(outfit.prior * logarithms).sum(dim=1).mean()
+        return entropy, {"prior": (logarithms.exp() - outfit.prior).square().sum(dim=1).mean()}
+    vertices, deformations, weights = posed_outfit(network, example, chosen, stage)
+    losses = physics_losses(vertices, deformations, example, chosen, config)
+    total = (
+        config.edge * losses["edge"]
+        + config.bend * losses["bend"]
+        + config.collision * losses["collision"]
+        + config.deformation * losses["deformation"]
+    )
+    if stage == 1:
+        losses["prior"] = (weights - outfit.prior).square().sum(dim=1).mean()
+        fading = max(0.0, 1 - 10 * done)
+        total = total + (config.prior * fading + config.prior_floor) * losses["prior"]
+    return total, losses
 
 
 def _train_stage(
@@ -147,14 +171,11 @@ def _train_stage(
     checkpoint: Path,
     log: Callable[[str], None],
 ) -> None:
-    heads = list(network.physics_head.parameters())
-    ids = {id(p) for p in heads}
-    parameters = heads if state.stage == 2 else [p for p in network.parameters() if id(p) not in ids]
+    parameters = _trained_parameters(network, state.stage)
     optimizer = torch.optim.Adam(parameters, lr=config.learning_rate)
     if optimizer_state is not None:
         optimizer.load_state_dict(optimizer_state)
-    start = 0.0 if state.stage == 1 else _stage_end(config, 1)
-    end = _stage_end(config, state.stage)
+    start, end = (60 * config.minutes * share for share in (0.0, *config.stage_ends)[state.stage : state.stage + 2])
     saved_at = logged_at = time.monotonic()
     sums: dict[str, float] = {}
     count = 0
@@ -171,18 +192,7 @@ def _train_stage(
         for index in rng.choice(len(examples), config.outfits_per_step, replace=False):
             example = examples[index]
             chosen = rng.choice(len(example.bodies), config.poses_per_outfit, replace=False)
-            vertices, deformations, weights = posed_outfit(network, example, chosen, state.stage)
-            losses = physics_losses(vertices, deformations, example, chosen, config)
-            total = (
-                config.edge * losses["edge"]
-                + config.bend * losses["bend"]
-                + config.collision * losses["collision"]
-                + config.deformation * losses["deformation"]
-            )
-            if state.stage == 1:
-                losses["prior"] = (weights - example.outfit.prior).square().sum(dim=1).mean()
-                fading = max(0.0, 1 - done / config.prior_share)
-                total = total + (config.prior * fading + config.prior_floor) * losses["prior"]
+            total, losses = _step_losses(network, example, chosen, config, state.stage, done)
             (total / config.outfits_per_step).backward()  # type: ignore[no-untyped-call]
             for name, value in losses.items():
                 sums[name] = sums.get(name, 0.0) + float(value)
@@ -228,13 +238,3 @@ def measure(network: Deepsd | None, examples: list[Example], stage: int = 2) -> 
             collided.append(float((clearance < 0).mean()))
             edges.append(float((edge_lengths(vertices, outfit.edges) - outfit.rest_lengths).abs().mean()))
     return {"collided%": 100 * float(np.mean(collided)), "edge_mm": MM * float(np.mean(edges))}
-
-
-def training_record(config: TrainingConfig, state: TrainingState, figures: dict[str, float]) -> dict[str, Any]:
-    """What the bundle's manifest says about how its networks were made."""
-    return {"config": asdict(replace(config)), "figures": figures, "steps": state.step, "seconds": round(state.seconds)}
-
-
-def write_record(record: dict[str, Any], path: Path) -> None:
-    """Write a training record as JSON."""
-    path.write_text(json.dumps(record, indent=2, sort_keys=True) + "\n", encoding="utf-8")
