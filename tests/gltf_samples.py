@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -120,13 +121,20 @@ def make_primitives(
 
 
 def make_asset(
-    morphs: int = 8, influences: int = 4, parts: int = 2, normals: bool = True, uv: bool = True, **options: object
+    morphs: int = 8,
+    influences: int = 4,
+    parts: int = 2,
+    normals: bool = True,
+    uv: bool = True,
+    columns: int = 24,
+    rows: int = 20,
+    **options: Any,
 ) -> Asset:
-    rig = make_rig(morphs, influences, normals=normals)
+    rig = make_rig(morphs, influences, columns, rows, normals=normals)
     return Asset(
         name="gown",
         rig=rig,
-        primitives=make_primitives(rig, parts=parts, uv=uv),
+        primitives=make_primitives(rig, columns, rows, parts=parts, uv=uv),
         materials=tuple(Material(name=f"cloth {part}") for part in range(parts)),
         clips=(Clip(make_motion()),),
         options=GltfOptions(influences=influences, **options),

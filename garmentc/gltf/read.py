@@ -26,6 +26,9 @@ def read_glb(path: str | os.PathLike[str]) -> GlbAsset:
     """
     chunks = read_chunks(path)
     root = Cursor(chunks.document, "", path)
+    version = root.get("asset").get("version").text("missing")
+    if version != "2.0":
+        raise root.get("asset").error(f"has glTF version {version}", "export the file as glTF 2.0")
     for name in root.get("extensionsRequired"):
         if name.text() not in _READABLE and not name.text().startswith("KHR_materials_"):
             raise name.error(f"is {name.text()}, which garmentc does not read", "export the file without it")
