@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.outfit.outfit import Outfit
-from garmentc.outfit.topology import Welded, averaged_normals, corner_angles, first_equal, triangle_normals, unit_rows
+from garmentc.outfit.topology import Welded, angle_weighted_normals, averaged_normals, first_equal, unit_rows
 
 _SHORTEST_NORMAL = 1e-6
 
@@ -138,27 +138,28 @@ def _corner_normals(outfit: Outfit, welded: Welded, corner_vertex: NDArray[np.in
         return _CornerNormals(unit_rows(outfit.normals), index)
 
     points = welded.vertices
-    weighted = triangle_normals(points, corner_vertex)[:, None] * corner_angles(points, corner_vertex)[:, :, None]
-    group, flat = _smoothing(outfit, corner_vertex)
-    smooth_rows = averaged_normals(weighted.reshape(-1, 3), group.ravel(), int(group.max()) + 1)
-    rows = [unit_rows(outfit.normals), smooth_rows]
-    index = np.where(authored, index, len(outfit.normals) + group)
-    if flat.any():
-        polygons = int(outfit.tri_face.max()) + 1
-        rows.append(averaged_normals(_area_normals(points, corner_vertex), outfit.tri_face, polygons))
-        flat_index = sum(len(part) for part in rows[:-1]) + outfit.tri_face.astype(np.int64)
-        index = np.where(~authored & flat[:, None], flat_index[:, None], index)
-    return _CornerNormals(np.concatenate(rows), index)
+    patch, flat = _smoothing(outfit, corner_vertex)
+    smooth = averaged_normals(angle_weighted_normals(points, corner_vertex), patch.ravel(), int(patch.max()) + 1)
+    flat |= (smooth[patch] == 0).all(axis=2)  # both sides of the cloth share these vertices
+    polygons = int(outfit.tri_face.max()) + 1
+    facets = averaged_normals(_area_normals(points, corner_vertex), outfit.tri_face, polygons)
+    facets[(facets == 0).all(axis=1)] = (0.0, 1.0, 0.0)
+    first_smooth = len(outfit.normals)
+    first_facet = first_smooth + len(smooth)
+    computed = np.where(flat, first_facet + outfit.tri_face[:, None].astype(np.int64), first_smooth + patch)
+    return _CornerNormals(
+        rows=np.concatenate([unit_rows(outfit.normals), smooth, facets]), index=np.where(authored, index, computed)
+    )
 
 
 def _smoothing(outfit: Outfit, corner_vertex: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """(F, 3) number of the smooth surface patch around each corner; (F,) whether a triangle is flat instead."""
+    """(F, 3) number of the smooth surface patch around each corner; (F, 3) whether it is flat instead."""
     if outfit.tri_smooth is None:
-        return corner_vertex.astype(np.int64), np.zeros(len(corner_vertex), dtype=bool)
+        return corner_vertex.astype(np.int64), np.zeros(corner_vertex.shape, dtype=bool)
     _, group = np.unique(outfit.tri_smooth, return_inverse=True)
     key = corner_vertex.astype(np.int64) * (int(group.max()) + 1) + group[:, None]
     _, patch = np.unique(key, return_inverse=True)
-    return patch.reshape(key.shape), outfit.tri_smooth == 0
+    return patch.reshape(key.shape), np.repeat(outfit.tri_smooth == 0, 3).reshape(-1, 3)
 
 
 def _area_normals(points: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -63,6 +63,7 @@ def read_obj(path: str | PathLike[str], *, allow_external_textures: bool = False
         warnings=(
             *state.warnings,
             *_vertex_warnings(text, tables),
+            *_texcoord_warnings(text, tables),
             *color_warnings,
             *_degenerate_warnings(text, face_line, degenerate),
             *material_warnings,
@@ -126,6 +127,15 @@ def _vertex_warnings(text: ObjText, tables: Tables) -> list[Diagnostic]:
         return []
     message = "vertex weights (the w of 'v x y z w') only matter to free-form surfaces and are ignored"
     return [Diagnostic("obj.vertex-weight", message, str(text.path), text.line_of(tables.weighted))]
+
+
+def _texcoord_warnings(text: ObjText, tables: Tables) -> list[Diagnostic]:
+    absent = tables.corners[:, 1] < 0
+    if not absent.any() or absent.all():
+        return []
+    face = int(np.searchsorted(np.cumsum(tables.counts), int(np.argmax(absent)), side="right"))
+    message = f"{absent.sum()} of {len(absent)} face corners have no texture coordinate"
+    return [Diagnostic("obj.partial-texcoords", message, str(text.path), text.line_of(int(tables.offsets[face])))]
 
 
 def _degenerate_warnings(

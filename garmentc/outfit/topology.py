@@ -15,6 +15,7 @@ WELD_TOLERANCE = 1e-6
 above the rounding of six decimals that exporters print."""
 
 _NEIGHBOURS = 16
+_CANCELLED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ def corner_angles(points: NDArray[np.float64], triangles: NDArray[Any]) -> NDArr
     return angles
 
 
-def _squares(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _squares(rows: NDArray[Any]) -> NDArray[np.float64]:
     total: NDArray[np.float64] = np.einsum("fi,fi->f", rows, rows)
     return total
 
@@ -100,18 +101,27 @@ def unit_rows(rows: NDArray[Any]) -> NDArray[np.float64]:
 def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
     """(N, 3) unit normals, triangle normals averaged by corner angle (Thuermer and Wuethrich 1998).
 
-    A vertex with no area around it gets (0, 1, 0).
+    A vertex with no area around it, or as much facing one way as the other, gets (0, 1, 0).
     """
-    weighted = triangle_normals(vertices, triangles)[:, None] * corner_angles(vertices, triangles)[:, :, None]
-    return averaged_normals(weighted.reshape(-1, 3), triangles.ravel(), len(vertices))
+    normals = averaged_normals(angle_weighted_normals(vertices, triangles), triangles.ravel(), len(vertices))
+    normals[(normals == 0).all(axis=1)] = (0.0, 1.0, 0.0)
+    return normals
+
+
+def angle_weighted_normals(points: NDArray[np.float64], triangles: NDArray[Any]) -> NDArray[np.float64]:
+    """(3 F, 3) each corner's triangle normal times the corner's angle."""
+    weighted: NDArray[np.float64] = (
+        triangle_normals(points, triangles)[:, None] * corner_angles(points, triangles)[:, :, None]
+    )
+    return weighted.reshape(-1, 3)
 
 
 def averaged_normals(weighted: NDArray[np.float64], owner: NDArray[Any], count: int) -> NDArray[np.float64]:
-    """(count, 3) unit sums of rows (C, 3) by their owner (C,); (0, 1, 0) where the rows cancel or there are none."""
+    """(count, 3) unit sums of rows (C, 3) by their owner (C,); zero where the rows cancel or there are none."""
     sums = np.stack([np.bincount(owner, weighted[:, axis], minlength=count) for axis in range(3)], axis=1)
-    normals = unit_rows(sums)
-    normals[np.linalg.norm(sums, axis=1) < 1e-12] = (0.0, 1.0, 0.0)
-    return normals
+    total = np.bincount(owner, np.sqrt(_squares(weighted)), minlength=count)
+    sums[np.sqrt(_squares(sums)) <= _CANCELLED * total] = 0.0
+    return unit_rows(sums)
 
 
 def components(triangles: NDArray[np.int32], count: int) -> NDArray[np.int32]:

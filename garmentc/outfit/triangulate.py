@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 _FLAT = 1e-9
 """A triangle smaller than this part of its polygon has no area worth the name."""
 
+_BATCH = 1 << 18
+"""Corners treated at once: bounds the memory."""
+
 
 def triangulate(
     points: NDArray[np.float64], corners: NDArray[np.int32], counts: NDArray[np.int32]
@@ -35,63 +38,66 @@ def triangulate(
 
     degenerate: list[int] = []
     for count in np.unique(counts[counts > 3]).tolist():
-        polygons = np.flatnonzero(counts == count)
-        ring = points[corners[starts[polygons, None] + np.arange(count)]]
-        not_fan = _not_fan(ring)
-        if count == 4:
-            flipped = polygons[not_fan][_other_diagonal(ring[not_fan])]
-            triangles[first[flipped], 2] = starts[flipped] + 3
-            triangles[first[flipped] + 1, 0] = starts[flipped] + 1
-            continue
-        for polygon, outline in zip(polygons[not_fan].tolist(), ring[not_fan], strict=True):
-            local = _ear_clip(outline)
-            if local is None:
-                degenerate.append(polygon)
-            else:
-                triangles[first[polygon] : first[polygon] + count - 2] = local + starts[polygon]
+        same = np.flatnonzero(counts == count)
+        for polygons in np.array_split(same, 1 + len(same) * count // _BATCH):
+            ring = points[corners[starts[polygons, None] + np.arange(count)]]
+            bad = np.flatnonzero(_not_fan(ring))
+            if count == 4:
+                flipped = polygons[bad[_other_diagonal(ring[bad])]]
+                triangles[first[flipped], 2] = starts[flipped] + 3
+                triangles[first[flipped] + 1, 0] = starts[flipped] + 1
+                continue
+            for i in bad.tolist():
+                polygon = int(polygons[i])
+                local = _ear_clip(ring[i])
+                if local is None:
+                    degenerate.append(polygon)
+                else:
+                    triangles[first[polygon] : first[polygon] + count - 2] = local + starts[polygon]
     return triangles, tri_polygon, np.array(sorted(degenerate), dtype=np.int32)
 
 
-def newell(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(Q, 3) twice the area vector of Q polygons (Q, n, 3), planar or not (Newell's method)."""
-    centred = ring - ring.mean(axis=1, keepdims=True)
-    total: NDArray[np.float64] = np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1)
-    return total
-
-
-def _areas(ring: NDArray[np.float64], triangles: NDArray[np.int64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(Q, k) twice the signed area, seen along the unit normals, of the same k triangles in each of Q rings."""
+def area_vectors(ring: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(Q, k, 3) twice the area vectors of the same k triangles in each of Q polygons (Q, n, 3)."""
     a, b, c = (ring[:, triangles[:, i]] for i in range(3))
-    areas: NDArray[np.float64] = np.einsum("qki,qi->qk", np.cross(b - a, c - a), normal)
-    return areas
+    vectors: NDArray[np.float64] = np.cross(b - a, c - a)
+    return vectors
 
 
-def _unit_newell(ring: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    total = newell(ring)
-    size = np.linalg.norm(total, axis=1)
+def _fan(count: int) -> NDArray[np.int64]:
+    i = np.arange(1, count - 1)
+    return np.stack([np.zeros_like(i), i, i + 1], axis=1)
+
+
+def _unit(total: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    size = np.sqrt(np.einsum("qi,qi->q", total, total))
     return total / np.where(size > 0, size, 1)[:, None], size
 
 
 def _not_fan(ring: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(Q,) whether a fan from the first corner would fold or have slivers: the polygon is not strictly convex."""
+    """(Q,) whether a fan from the first corner would fold or have slivers: the polygon is not strictly convex.
+
+    The normal is Newell's, the sum of a fan's area vectors: it exists for polygons that are not planar, too.
+    """
     count = ring.shape[1]
-    normal, size = _unit_newell(ring)
-    i = np.arange(count)
-    turns = np.stack([i - 1, i, (i + 1) % count], axis=1) % count
-    fan = np.stack([np.zeros(count - 2, np.int64), i[1:-1], i[2:]], axis=1)
-    smallest = _areas(ring, fan, normal).min(axis=1)
+    fan = area_vectors(ring, _fan(count))
+    normal, size = _unit(fan.sum(axis=1))
+    smallest = np.einsum("qki,qi->qk", fan, normal).min(axis=1)
     if count > 4:  # a quad's fan may be right though another corner is reflex
-        smallest = np.minimum(smallest, _areas(ring, turns, normal).min(axis=1))
+        i = np.arange(count)
+        turns = area_vectors(ring, np.stack([i - 1, i, i + 1], axis=1) % count)
+        smallest = np.minimum(smallest, np.einsum("qki,qi->qk", turns, normal).min(axis=1))
     result: NDArray[np.bool_] = ~(smallest > _FLAT * size)
     return result
 
 
 def _other_diagonal(ring: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(Q,) of quads (Q, 4, 3): whether the diagonal 1-3 leaves the better worst triangle than 0-2."""
-    normal, _ = _unit_newell(ring)
-    here = _areas(ring, np.array([[0, 1, 2], [0, 2, 3]]), normal).min(axis=1)
-    there = _areas(ring, np.array([[0, 1, 3], [1, 2, 3]]), normal).min(axis=1)
-    result: NDArray[np.bool_] = there > here
+    here = area_vectors(ring, _fan(4))
+    there = area_vectors(ring, np.array([[0, 1, 3], [1, 2, 3]]))
+    normal, _ = _unit(here.sum(axis=1))
+    worst = [np.einsum("qki,qi->qk", vectors, normal).min(axis=1) for vectors in (here, there)]
+    result: NDArray[np.bool_] = worst[1] > worst[0]
     return result
 
 
@@ -99,7 +105,7 @@ def _ear_clip(outline: NDArray[np.float64]) -> NDArray[np.int32] | None:
     """(n - 2, 3) triangles of one polygon (n, 3) by ear clipping; None where it has no area or no triangulation."""
     import mapbox_earcut
 
-    normal, size = _unit_newell(outline[None])
+    normal, size = _unit(area_vectors(outline[None], _fan(len(outline))).sum(axis=1))
     if not size[0] > 0:
         return None
     least = np.eye(3)[np.argmin(np.abs(normal[0]))]
