@@ -24,6 +24,7 @@ from garmentc.outfit.corners import CornerMesh, split_corners
 from garmentc.outfit.obj import read_obj
 from garmentc.outfit.outfit import Outfit
 from garmentc.outfit.topology import Welded, edges, vertex_normals, weld
+from garmentc.outfit.unwrap import unwrap
 from garmentc.output import check_writable
 from garmentc.passes.limit_influences import LimitInfluences, limit_influences
 from garmentc.passes.morph_normals import MorphNormals, morph_normals
@@ -101,13 +102,14 @@ class Dressed:
     """The outfit on its body, in the body's axes and T-pose, and the motions that this body will do."""
 
     alignment: Alignment
+    outfit: Outfit
     welded: Welded
     corners: CornerMesh
     motions: tuple[Motion, ...]
 
 
 def dress(source: Inputs, options: CompileOptions) -> Dressed:
-    """Find out how the outfit is meant and put it on its body; weld and split its vertices; read the motions."""
+    """Find out how the outfit is meant and put it on its body; unwrap, weld and split it; read the motions."""
     given = source.parameters
     known = AlignOptions(
         units=options.units,
@@ -118,12 +120,12 @@ def dress(source: Inputs, options: CompileOptions) -> Dressed:
         betas=given.betas if options.betas is None else np.array(options.betas),
     )
     alignment = align(source.outfit, _bodies(options.body, known.gender), known)
-    welded = weld(alignment.outfit)
-    corners = split_corners(alignment.outfit, welded)
+    outfit = unwrap(alignment.outfit, options.unwrap)
+    welded = weld(outfit)
     up = None if options.motion_up == "auto" else options.motion_up
     joints = alignment.body.joints(alignment.betas)
     motions = tuple(read_motion(path, up, joints) for path in options.motion)
-    return Dressed(alignment, welded, corners, motions)
+    return Dressed(alignment, outfit, welded, split_corners(outfit, welded), motions)
 
 
 def _bodies(path: Path | None, gender: str) -> Mapping[str, BodyModel] | Callable[[str], BodyModel]:
@@ -181,7 +183,7 @@ def emit(rig: Rig, dressed: Dressed, source: Inputs, options: CompileOptions, ou
         name=options.name or source.outfit.path.stem,
         rig=rig,
         primitives=dressed.corners.primitives,
-        materials=alignment.outfit.materials,
+        materials=dressed.outfit.materials,
         clips=tuple(Clip(motion) for motion in dressed.motions),
         options=GltfOptions(
             influences=settings.influences,

@@ -179,9 +179,9 @@ def make_report(
     stages: Sequence[StageTime],
 ) -> CompileReport:
     """Gather what the stages found out."""
-    outfit, settings = dressed.alignment.outfit, options.settings
+    outfit, settings = dressed.outfit, options.settings
     textures = {map.name for material in outfit.materials if (map := material.base_color_texture) is not None}
-    warnings = [*source.outfit.warnings, *dressed.alignment.warnings]
+    warnings = [*outfit.warnings, *dressed.alignment.warnings]
     for motion in dressed.motions:
         warnings += motion.warnings
     return CompileReport(

@@ -34,4 +34,9 @@ def check_schema(document: Any, name: str, file: str | PathLike[str] | None = No
     try:
         _validator(name)(document)
     except JsonSchemaValueException as error:
-        raise GarmentcError(f"{error.message}; see schemas/{name}.schema.json", file) from error
+        entry = ".".join(str(part) for part in error.path[1:])
+        rule = error.message.removeprefix(error.name).strip()
+        if error.rule in ("anyOf", "oneOf"):  # fastjsonschema does not say which came closest
+            rule = f"is not what it should be: {error.definition.get('description', 'one of several kinds')}"
+        said = f"'{entry}' {rule}" if entry else f"the document {rule}"
+        raise GarmentcError(f"{said.rstrip('.')}; see schemas/{name}.schema.json", file) from None
