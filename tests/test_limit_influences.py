@@ -70,7 +70,7 @@ def test_large_outfits_are_measured_on_some_vertices() -> None:
     from garmentc.passes.posed_error import posed_error
 
     rig = make_rig(influences=12)
-    moved = replace(rig, template=rig.template + [0, 0.001, 0])
+    moved = replace(rig, template=rig.template + np.array([0, 0.001, 0]))
     error = posed_error(rig, moved, POSES.check, max_vertices=50)
     assert error.vertices == 50
     assert error.max_mm <= 1 + 1e-9

@@ -38,7 +38,7 @@ def test_signed_distance_inside_a_convex_polyhedron_is_that_to_its_nearest_plane
 
 def test_a_garment_half_sunk_into_a_ball() -> None:
     ball, cloth = sphere(0.5), sphere(0.4)
-    moved = cloth.vertices + [0.3, 0, 0]
+    moved = cloth.vertices + np.array([0.3, 0, 0])
     depth = signed_distance(moved, ball.vertices, ball.faces)
     expected = np.linalg.norm(moved, axis=1) < 0.5
     clear = np.abs(np.linalg.norm(moved, axis=1) - 0.5) > 1e-3
@@ -51,7 +51,7 @@ def test_points_in_two_overlapping_parts_are_inside() -> None:
     import igl
 
     ball = sphere(0.5)
-    vertices = np.concatenate([ball.vertices, ball.vertices + [0.8, 0, 0]])
+    vertices = np.concatenate([ball.vertices, ball.vertices + np.array([0.8, 0, 0])])
     faces = np.concatenate([ball.faces, ball.faces + len(ball.vertices)])
     points = np.random.default_rng(2).uniform([-0.6, -0.6, -0.6], [1.4, 0.6, 0.6], (4000, 3))
     radii = np.stack([np.linalg.norm(points, axis=1), np.linalg.norm(points - [0.8, 0, 0], axis=1)])
@@ -69,7 +69,7 @@ def test_edge_of_a_stretched_garment() -> None:
     rest = edge_lengths(cloth.vertices, pairs)
     assert edge_mm(cloth.vertices * 1.1, rest, pairs) == pytest.approx(100 * rest.mean())
     assert edge_mm(cloth.vertices * 0.9, rest, pairs) == pytest.approx(100 * rest.mean())
-    assert edge_mm(cloth.vertices + [0.3, -1, 4], rest, pairs) == pytest.approx(0, abs=1e-9)
+    assert edge_mm(cloth.vertices + np.array([0.3, -1, 4]), rest, pairs) == pytest.approx(0, abs=1e-9)
     by_hand = [abs(float(np.linalg.norm(cloth.vertices[a] - cloth.vertices[b]))) for a, b in pairs]
     np.testing.assert_allclose(rest, by_hand)
 

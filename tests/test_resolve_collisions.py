@@ -35,7 +35,6 @@ def trousers() -> Rig:
     template = (skin + 0.004 * vertex_normals(skin, BODY.faces))[kept][used]
     rig = nearest_skinning(template, triangles, BODY)
     keys = make_keys(48, np.random.default_rng(5))
-    # Nearest weights are the skin's own: LBS without correctives then sinks below the skin with them.
     return replace(rig, blend_shapes=np.zeros((48, len(template), 3), np.float32), keys=keys)
 
 
@@ -81,7 +80,7 @@ def test_only_shapes_change(trousers: Rig, resolved: tuple[Rig, PassReport]) -> 
 
 
 def test_what_is_far_from_the_body_is_left_alone(trousers: Rig) -> None:
-    far = replace(trousers, template=trousers.template + [0, 0, 3.0])
+    far = replace(trousers, template=trousers.template + np.array([0, 0, 3.0]))
     rig, _ = resolve_collisions(far, ResolveCollisions(poses=8), POSES, BODY)
     assert not rig.blend_shapes.any()
 

@@ -1,0 +1,82 @@
+"""Outfits that can be posed, whatever they are: a rig in memory, or a .glb as an engine sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.errors import GarmentcError
+from garmentc.gltf.evaluate import world_mesh
+from garmentc.gltf.glb_asset import GlbAsset
+from garmentc.gltf.posing import state_at_pose
+from garmentc.gltf.read import read_glb
+from garmentc.gltf.state import rest_state
+from garmentc.rig import Rig
+
+
+class PosedOutfit(Protocol):
+    """rest (N, 3) metres; triangles (F, 3) on the same vertices, each of which stands for one place on the cloth."""
+
+    @property
+    def rest(self) -> NDArray[np.float64]: ...
+
+    @property
+    def triangles(self) -> NDArray[np.int32]: ...
+
+    def posed(self, pose: NDArray[Any]) -> NDArray[np.float64]:
+        """Vertices (N, 3) in a pose (24, 3)."""
+
+
+@dataclass(frozen=True)
+class RigOutfit:
+    """A rig, evaluated in float64."""
+
+    rig: Rig
+
+    @property
+    def rest(self) -> NDArray[np.float64]:
+        return self.rig.template.astype(np.float64)
+
+    @property
+    def triangles(self) -> NDArray[np.int32]:
+        return self.rig.triangles
+
+    def posed(self, pose: NDArray[Any]) -> NDArray[np.float64]:
+        return self.rig.posed(pose)
+
+
+@dataclass(frozen=True)
+class GlbOutfit:
+    """A .glb, morphed by its own pose-key network and skinned from its own attributes.
+
+    corner  (N,) the first written vertex of each place: seams split vertices, and a seam must not count twice
+    """
+
+    asset: GlbAsset
+    rest: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    corner: NDArray[np.intp]
+
+    def posed(self, pose: NDArray[Any]) -> NDArray[np.float64]:
+        return world_mesh(self.asset, state_at_pose(self.asset, pose))[0][self.corner]
+
+
+def read_outfit(path: Path) -> GlbOutfit:
+    """The outfit in a .glb that has the SMPL joints. Written vertices at one place at rest are one vertex.
+
+    Raises GarmentcError where the file cannot be read or shows nothing.
+    """
+    asset = read_glb(path)
+    rest, triangles = world_mesh(asset, rest_state(asset))
+    if not len(triangles):
+        raise GarmentcError("has no triangles; there is nothing to evaluate", path)
+    # To float32: the way through the skin rounds float64 differently where a seam lists the joints in another order.
+    places = rest.astype(np.float32) + np.float32(0)
+    _, corner, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    welded = place.reshape(-1)[triangles].astype(np.int32)
+    proper = (welded != np.roll(welded, 1, axis=1)).all(axis=1)
+    return GlbOutfit(asset, rest[corner], welded[proper], corner)
