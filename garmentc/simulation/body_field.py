@@ -7,6 +7,7 @@ exactness is not needed here, because the finished vertices are checked against 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 from garmentc.smpl.body import BodyModel
 
 Array = NDArray[np.float64]
+Field = Callable[[Array], Array]
+"""Points (P, 3) to values (P,)."""
 
 DIRECTION_COUNT = 48
 """Half-planes that bound one cross-section of a loft."""
@@ -73,7 +76,9 @@ class RestBody:
         offset = points - samples[index]
         height = (offset * normals[index]).sum(1)
         beside = np.maximum((offset**2).sum(1) - height**2, 0)
-        return np.where(height < 0, -1.0, 1.0) * np.sqrt(height**2 + np.maximum(np.sqrt(beside) - 0.006, 0) ** 2)
+        return np.asarray(
+            np.where(height < 0, -1.0, 1.0) * np.sqrt(height**2 + np.maximum(np.sqrt(beside) - 0.006, 0) ** 2)
+        )
 
     def exact_distance(self, points: Array) -> Array:
         """Signed distance (P,) of points (P, 3) to the surface, exact, negative inside."""
@@ -94,7 +99,7 @@ class RestBody:
 
     def share(self, joints: tuple[int, ...]) -> Array:
         """Blend weight (V,) that vertices have on `joints` together."""
-        return self.weights[:, joints].sum(1)
+        return np.asarray(self.weights[:, joints].sum(1))
 
     @cached_property
     def crotch(self) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from garmentc.simulation.body_field import Array
@@ -43,7 +45,7 @@ def add_brim(vertices: Array, faces: Faces, width: float, length: float) -> tupl
     numbers = [np.array(loop)] + [base + row * n + np.arange(n) for row in range(rows)]
     places = [rim + reach * (row + 1) / rows for row in range(rows)]
     triangles = [faces]
-    for inner, outer in zip(numbers[:-1], numbers[1:], strict=True):
+    for inner, outer in pairwise(numbers):
         next_inner, next_outer = np.roll(inner, -1), np.roll(outer, -1)
         triangles += [np.stack([next_inner, inner, outer], 1), np.stack([next_inner, outer, next_outer], 1)]
     return np.concatenate([vertices, *places]), np.concatenate(triangles).astype(np.int32)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.simulation.body_field import Array
+from garmentc.simulation.body_field import Array, Field
 from garmentc.simulation.surface import Faces, compact, vertex_normals
-
-Field = Callable[[Array], Array]
 
 
 def split_at(vertices: Array, faces: Faces, values: Array) -> tuple[Array, Faces]:

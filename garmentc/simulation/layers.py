@@ -17,6 +17,9 @@ _NEAR = 0.008
 LAYER_CLEARANCE = 0.001
 """Smallest distance of an outer layer's vertex to the layer below, metres."""
 
+_FACING = 0.2
+"""Two layers are compared only where their normals agree this much (cosine)."""
+
 Piece = tuple[Array, Faces]
 
 
@@ -100,6 +103,17 @@ def _against(points: Array, mesh: Piece) -> tuple[Array, Array, Faces]:
     return np.where(on_hem, np.nan, signed), normal, corners
 
 
+def _probes(vertices: Array, faces: Faces) -> tuple[Array, Faces, Array]:
+    """Points (P, 3) to test (vertices and quarters of edges), their edges' ends (P, 2) and their normals (P, 3)."""
+    edges = edges_of(faces)
+    alone = np.repeat(np.arange(len(vertices), dtype=np.int32)[:, None], 2, axis=1)
+    ends = np.concatenate([alone, edges, edges, edges])
+    share = np.repeat([0.5, 0.25, 0.5, 0.75], [len(alone), len(edges), len(edges), len(edges)])[:, None]
+    points = vertices[ends[:, 0]] * (1 - share) + vertices[ends[:, 1]] * share
+    normals = vertex_normals(vertices, faces)[ends].sum(1)
+    return points, ends, normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+
 def separate(pieces: list[Piece], body: RestBody, rounds: int = 15) -> list[Piece]:
     """Garments, innermost first, with every outer one pushed outside the inner ones. Only outer layers move."""
     result = [pieces[0]]
@@ -107,16 +121,18 @@ def separate(pieces: list[Piece], body: RestBody, rounds: int = 15) -> list[Piec
         moved = vertices.copy()
         for _ in range(rounds):
             push, count = np.zeros_like(moved), np.zeros(len(moved))
-            normals = vertex_normals(moved, faces)
             for inner in result:
-                distance, normal, _ = _against(moved, inner)
-                facing = (normals * normal).sum(1) > 0.2
+                # Vertices and edges of either layer against the triangles of the other.
+                outer_points, ends, facing_to = _probes(moved, faces)
+                distance, normal, _ = _against(outer_points, inner)
+                facing = (facing_to * normal).sum(1) > _FACING
                 short = (distance < LAYER_CLEARANCE) & (distance > -0.03) & facing
-                push[short] += (LAYER_CLEARANCE + 2e-4 - distance[short])[:, None] * normal[short]
-                count[short] += 1
-                inner_normals = vertex_normals(*inner)
-                distance, normal, corners = _against(inner[0], (moved, faces))
-                facing = (inner_normals * normal).sum(1) > 0.2
+                for k in range(2):
+                    np.add.at(push, ends[short, k], (LAYER_CLEARANCE + 2e-4 - distance[short])[:, None] * normal[short])
+                    np.add.at(count, ends[short, k], 1)
+                inner_points, _, facing_to = _probes(*inner)
+                distance, normal, corners = _against(inner_points, (moved, faces))
+                facing = (facing_to * normal).sum(1) > _FACING
                 out = (distance > -0.3 * LAYER_CLEARANCE) & (distance < 0.03) & facing
                 for k in range(3):
                     np.add.at(push, corners[out, k], (distance[out] + LAYER_CLEARANCE)[:, None] * normal[out])

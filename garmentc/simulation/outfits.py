@@ -18,7 +18,8 @@ from garmentc.simulation.body_field import Array, RestBody
 from garmentc.simulation.brims import add_brim
 from garmentc.simulation.hems import split_at, trim
 from garmentc.simulation.layers import push_from_body, separate
-from garmentc.simulation.outfit_parameters import CATEGORIES, GarmentParameters, OutfitParameters, sample_parameters
+from garmentc.simulation.outfit_parameters import CATEGORIES, GarmentParameters, OutfitParameters
+from garmentc.simulation.outfit_sampling import sample_parameters
 from garmentc.simulation.patterns import Pattern, make_pattern
 from garmentc.simulation.remeshing import Reference, even_out, relax, row_mesh, split_quads, triangle_mesh
 from garmentc.simulation.slivers import mend_slivers
@@ -152,7 +153,8 @@ def _cloth(dense: _Dense, count: int, seed: int) -> tuple[Array, Faces]:
 
     Where a tessellation is not manifold, it is tried again with other cells.
     """
-    pattern, area = dense.pattern, dense.area
+    pattern, area, brim = dense.pattern, dense.area, dense.garment.brim
+    count = round(count * area / (area + brim * (0.6 + np.pi * brim)))  # a brim takes its share
     length = float(np.sqrt(area / count / 0.866))
     vertices, faces = split_at(dense.vertices, dense.faces, pattern.keep(dense.vertices) + 1.5 * length)
     reference = Reference(vertices, faces, length)
@@ -172,8 +174,8 @@ def _cloth(dense: _Dense, count: int, seed: int) -> tuple[Array, Faces]:
     else:
         raise ValueError(f"outfit {seed}: no manifold mesh with {count} vertices; ask for more")
     fresh, triangles = mend_slivers(relax(fresh, triangles, pattern.keep, reference, reach), triangles)
-    if dense.garment.brim > 0:
-        fresh, triangles = add_brim(fresh, triangles, dense.garment.brim, length)
+    if brim > 0:
+        fresh, triangles = add_brim(fresh, triangles, brim, length)
     return fresh, triangles
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.simulation.body_field import Array
+from garmentc.simulation.body_field import Array, Field
 from garmentc.simulation.hems import slide_to_hem
 from garmentc.simulation.surface import (
     Faces,
@@ -19,8 +17,6 @@ from garmentc.simulation.surface import (
     face_normals,
     vertex_normals,
 )
-
-Field = Callable[[Array], Array]
 
 _LLOYD_ROUNDS = 12
 
@@ -39,7 +35,7 @@ class Reference:
         """`points` (P, 3) moved to the tangent planes of the samples nearest in position and normal."""
         _, index = self.tree.query(np.concatenate([points, self.length * normals], axis=1))
         normal = self.normals[index]
-        return points - ((points - self.vertices[index]) * normal).sum(1, keepdims=True) * normal
+        return np.asarray(points - ((points - self.vertices[index]) * normal).sum(1, keepdims=True) * normal)
 
 
 def triangle_mesh(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from garmentc.simulation.body_field import Array
-from garmentc.simulation.surface import Faces, compact, non_manifold
+from garmentc.simulation.surface import Faces, boundary_edges, compact, non_manifold
 
 QUALITY = 0.15
-"""Shape of a triangle: 4 sqrt(3) area / sum of squared edges; 1 equilateral, 0 degenerate. Below this it is a sliver."""
+"""Shape of a triangle: 4 sqrt(3) area / sum of squared edges; 1 equilateral, 0 degenerate. Below this: a sliver."""
 
 
 def shape_quality(vertices: Array, faces: Faces) -> Array:
@@ -43,7 +44,9 @@ def _mended(vertices: Array, faces: Faces, sliver: int) -> tuple[Array, Faces] |
     corners = faces[sliver]
     length = np.linalg.norm(vertices[corners] - vertices[np.roll(corners, -1)], axis=1)
     short, long = int(length.argmin()), int(length.argmax())
-    options = []
+    options: list[tuple[Array, Faces] | None] = []
+    if len(_neighbours(faces, sliver)) <= 1:
+        options.append((vertices, np.delete(faces, sliver, axis=0)))  # an ear on a straight hem
     if length[short] < 0.35 * length[long]:
         options.append(_collapsed(vertices, faces, int(corners[short]), int(corners[(short + 1) % 3])))
     options.append(_flipped(vertices, faces, sliver, int(corners[long]), int(corners[(long + 1) % 3])))
@@ -60,9 +63,12 @@ def _mended(vertices: Array, faces: Faces, sliver: int) -> tuple[Array, Faces] |
     return None
 
 
-def _collapsed(vertices: Array, faces: Faces, a: int, b: int) -> tuple[Array, Faces]:
-    from garmentc.simulation.surface import boundary_edges
+def _neighbours(faces: Faces, triangle: int) -> NDArray[np.intp]:
+    """Triangles that share an edge with `triangle`."""
+    return np.nonzero(np.isin(faces, faces[triangle]).sum(1) == 2)[0]
 
+
+def _collapsed(vertices: Array, faces: Faces, a: int, b: int) -> tuple[Array, Faces]:
     rim = np.isin([a, b], boundary_edges(faces))
     point = vertices[a] if rim[0] and not rim[1] else vertices[b] if rim[1] and not rim[0] else vertices[[a, b]].mean(0)
     moved = vertices.copy()

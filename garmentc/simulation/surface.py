@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.simulation.body_field import Array
+from garmentc.simulation.body_field import Array, Field
 
 Faces = NDArray[np.int32]
-Field = Callable[[Array], Array]
 
 
 class Grid:
@@ -58,7 +56,7 @@ class Grid:
             shift[k] = step
             columns.append(self.read(values, points + shift) - self.read(values, points - shift))
         gradient = np.stack(columns, 1)
-        return gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-12)
+        return np.asarray(gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-12))
 
     def isosurface(self, values: Array) -> tuple[Array, Faces]:
         """Marching cubes at zero, triangles facing outwards (towards positive values)."""
@@ -88,7 +86,7 @@ def boundary_edges(faces: Faces) -> NDArray[np.int32]:
     """Edges (B, 2) of exactly one face."""
     pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     edges, count = np.unique(pairs, axis=0, return_counts=True)
-    return edges[count == 1]
+    return np.asarray(edges[count == 1])
 
 
 def face_normals(vertices: Array, faces: Faces) -> Array:
@@ -105,7 +103,7 @@ def vertex_normals(vertices: Array, faces: Faces) -> Array:
     columns = np.repeat(np.arange(len(faces)), 3)
     gather = coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(vertices), len(faces))).tocsr()
     normal = np.asarray(gather @ face_normals(vertices, faces))
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30))
 
 
 def averaging_matrix(vertex_count: int, edges: NDArray[np.int32]) -> Any:
