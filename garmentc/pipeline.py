@@ -197,6 +197,7 @@ def emit(rig: Rig, dressed: Dressed, source: Inputs, options: CompileOptions, ou
             "betas": ",".join(repr(float(beta)) for beta in betas),
             "bundle": source.bundle.name,
             "profile": options.profile,
+            **{f"fps:{motion.name}": float(motion.fps) for motion in dressed.motions},
         },
     )
     written = write_glb(asset, output)

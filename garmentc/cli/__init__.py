@@ -10,6 +10,7 @@ from importlib import import_module
 import click
 
 from garmentc import __version__
+from garmentc.cli.exit_codes import EXIT_CLEAN, EXIT_FAILURE, EXIT_INTERRUPTED
 from garmentc.cli.printing import print_error
 from garmentc.errors import GarmentcError
 
@@ -22,8 +23,6 @@ COMMANDS = {
     "body": "Show the body model or export it at given betas and pose.",
     "evaluate": "Measure collisions and stretched edges of a .glb on a motion.",
 }
-
-EXIT_CLEAN, EXIT_FINDINGS, EXIT_FAILURE, EXIT_INTERRUPTED = 0, 1, 2, 130
 
 
 class Commands(click.Group):

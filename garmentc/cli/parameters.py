@@ -36,3 +36,16 @@ class Numbers(click.ParamType[tuple[float, ...]]):
             return tuple(float(part) for part in str(value).split(",") if part.strip())
         except ValueError:
             self.fail(f"'{value}' is no list of numbers; write them with commas between, such as 0.5,-1.2", param, ctx)
+
+
+class Tolerance(click.ParamType[tuple[str, float]]):
+    """A name and a number, such as position=1e-4."""
+
+    name = "tolerance"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, float]:
+        name, _, number = str(value).partition("=")
+        try:
+            return name, float(number)
+        except ValueError:
+            self.fail(f"'{value}' is no tolerance; write it as position=1e-4", param, ctx)

@@ -25,7 +25,9 @@ DEFAULT_FPS = 30.0
 @click.option("--frame", type=click.IntRange(min=0), metavar="N", help="Frame of the animation, from 0.")
 @click.option("--time", type=click.FloatRange(min=0), metavar="SECONDS", help="Time in the animation.")
 @click.option("--params", type=PATH, metavar="FILE", help="Pose in a .json or .npz file.")
-@click.option("--animation", default=0, show_default=True, metavar="INDEX", help="Which animation.")
+@click.option(
+    "--animation", type=click.IntRange(min=0), default=0, show_default=True, metavar="INDEX", help="Which animation."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 def command(
@@ -82,7 +84,9 @@ def _state(asset: GlbAsset, time: float | None, params: Path | None, animation: 
 
 
 def _fps(asset: GlbAsset, animation: int) -> float:
-    """Frames a second that an animation was made with."""
-    entries = asset.document.get("animations", [])
-    extras = entries[animation].get("extras") if 0 <= animation < len(entries) else None
-    return float(extras.get("fps", DEFAULT_FPS)) if isinstance(extras, dict) else DEFAULT_FPS
+    """Frames a second that an animation was made with, as the compiler wrote it into the asset's extras."""
+    if isinstance(asset.extras, dict) and animation < len(asset.animations):
+        written = asset.extras.get(f"fps:{asset.animations[animation].name}")
+        if isinstance(written, (int, float)) and written > 0:
+            return float(written)
+    return DEFAULT_FPS
