@@ -47,11 +47,11 @@ def progress(steps: Sequence[str], quiet: bool) -> Iterator[Callable[[str], None
         yield begin
 
 
-def table(rows: Sequence[Sequence[Any]], header: Sequence[str] | None = None) -> str:
-    """Columns as wide as they need to be; numbers to the right, words to the left."""
-    shown = [[str(cell) for cell in row] for row in ([header, *rows] if header else rows)]
-    if not shown:
+def table(rows: Sequence[Sequence[Any]], header: Sequence[str] = ()) -> str:
+    """Columns as wide as they need to be, numbers to the right; nothing where there are no rows."""
+    if not rows:
         return ""
+    shown = [[str(cell) for cell in row] for row in ([header, *rows] if header else rows)]
     widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
     right = [all(isinstance(cell, (int, float)) for cell in column) for column in zip(*rows, strict=True)]
     lines = [
