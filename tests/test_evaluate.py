@@ -98,6 +98,8 @@ def test_one_needs_an_animation_and_joints(tmp_path: Path) -> None:
     glb = read_glb(tmp_path / "a.glb")
     with pytest.raises(GarmentcError, match="0 animations"):
         state_at_time(glb, 0.0)
+    with pytest.raises(GarmentcError, match="8 morph targets, not 2"):
+        state_at_pose(glb, np.zeros((24, 3)), keys=np.zeros(2))
     renamed = replace(glb, nodes=tuple(replace(node, name=f"x{node.name}") for node in glb.nodes))
     with pytest.raises(GarmentcError, match="no joint named pelvis"):
         state_at_pose(renamed, np.zeros((24, 3)))

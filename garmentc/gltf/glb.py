@@ -79,7 +79,9 @@ def document_json(document: Any) -> bytes:
     pygltflib's own writer copies every leaf, accepts NaN and writes defaults; this one raises ValueError for NaN and
     TypeError for whatever is not plain JSON (numpy scalars, for instance).
     """
-    return json.dumps(_plain(document), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+    return json.dumps(_plain(document), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode(
+        errors="replace"
+    )
 
 
 def _plain(value: Any) -> Any:

@@ -135,18 +135,36 @@ class Image:
 
 
 @dataclass(frozen=True)
+class GlbMaterial:
+    """values: numbers, strings and flags by their path in the JSON; images: index into `GlbAsset.images` by path."""
+
+    name: str
+    values: dict[str, Any]
+    images: dict[str, int]
+
+
+@dataclass(frozen=True)
 class GlbAsset:
-    """A whole file. `document` is its JSON, for what has no field here: materials, textures, samplers, extras."""
+    """A whole file.
+
+    extras     of the asset, whatever they are
+    view_uses  (place in the document, bytes) of each buffer view that something was read from
+    """
 
     path: Path
-    document: dict[str, Any]
+    generator: str
+    extensions_used: tuple[str, ...]
+    extensions_required: tuple[str, ...]
+    extras: Any
     nodes: tuple[Node, ...]
     meshes: tuple[Mesh, ...]
     skins: tuple[Skin, ...]
     animations: tuple[Animation, ...]
     images: tuple[Image, ...]
+    materials: tuple[GlbMaterial, ...]
     file_bytes: int
     json_bytes: int
+    view_uses: tuple[tuple[str, int], ...] = ()
 
     @property
     def mesh_nodes(self) -> tuple[int, ...]:

@@ -54,9 +54,14 @@ def state_at_pose(
     for index in asset.mesh_nodes:
         network = pose_key_network(asset, index)
         if keys is not None:
-            state.weights[index] = np.asarray(keys, dtype=np.float64)
+            amounts = np.asarray(keys, dtype=np.float64)
         elif network is not None:
-            state.weights[index] = evaluate_network(asset, network, state)
+            amounts = evaluate_network(asset, network, state)
+        else:
+            continue
+        if amounts.shape != state.weights[index].shape:
+            raise GarmentcError(f"has {len(state.weights[index])} morph targets, not {len(amounts)}", asset.path)
+        state.weights[index] = amounts
     return state
 
 

@@ -12,6 +12,7 @@ from garmentc.gltf.cursor import Cursor
 from garmentc.gltf.glb import read_chunks
 from garmentc.gltf.glb_asset import Animation, Channel, GlbAsset, Image, Mesh, Node, Skin
 from garmentc.gltf.read_accessors import AccessorReader
+from garmentc.gltf.read_materials import read_materials
 from garmentc.gltf.read_mesh import read_mesh
 from garmentc.gltf.read_pose_keys import network_in_extras
 
@@ -29,23 +30,32 @@ def read_glb(path: str | os.PathLike[str]) -> GlbAsset:
     version = root.get("asset").get("version").text("missing")
     if version != "2.0":
         raise root.get("asset").error(f"has glTF version {version}", "export the file as glTF 2.0")
-    for name in root.get("extensionsRequired"):
+    required = tuple(root.get("extensionsRequired"))
+    for name in required:
         if name.text() not in _READABLE and not name.text().startswith("KHR_materials_"):
             raise name.error(f"is {name.text()}, which garmentc does not read", "export the file without it")
     reader = AccessorReader(root, chunks.binary)
     skins = tuple(_read_skin(skin, reader, root) for skin in root.get("skins"))
     meshes = tuple(read_mesh(mesh, reader, root) for mesh in root.get("meshes"))
     nodes = _read_nodes(root, meshes, skins)
+    animations = tuple(_read_animation(entry, reader, nodes, meshes) for entry in root.get("animations"))
+    images = tuple(_read_image(image, reader) for image in root.get("images"))
+    materials = read_materials(root, len(images))
     return GlbAsset(
         path=Path(path),
-        document=chunks.document,
+        generator=root.get("asset").get("generator").text(""),
+        extensions_used=tuple(name.text() for name in root.get("extensionsUsed")),
+        extensions_required=tuple(name.text() for name in required),
+        extras=root.get("asset").get("extras").value,
         nodes=nodes,
         meshes=meshes,
         skins=skins,
-        animations=tuple(_read_animation(entry, reader, nodes, meshes) for entry in root.get("animations")),
-        images=tuple(_read_image(image, reader) for image in root.get("images")),
+        animations=animations,
+        images=images,
+        materials=materials,
         file_bytes=Path(path).stat().st_size,
         json_bytes=chunks.json_bytes,
+        view_uses=tuple((where, reader.view_size(view)) for view, where in reader.view_uses.items()),
     )
 
 
@@ -55,8 +65,8 @@ def _read_nodes(root: Cursor, meshes: tuple[Mesh, ...], skins: tuple[Skin, ...])
     parents = _parents(entries)
     nodes = []
     for entry, name, parent in zip(entries, names, parents, strict=True):
-        mesh, skin = entry.get("mesh"), entry.get("skin")
-        matrix = entry.get("matrix")
+        mesh = entry.get("mesh").index(len(meshes)) if entry.get("mesh").given else None
+        weights, matrix = entry.get("weights"), entry.get("matrix")
         node = Node(
             name=name,
             parent=parent,
@@ -64,9 +74,9 @@ def _read_nodes(root: Cursor, meshes: tuple[Mesh, ...], skins: tuple[Skin, ...])
             rotation=entry.get("rotation").numbers(4, (0, 0, 0, 1)),
             scale=entry.get("scale").numbers(3, (1, 1, 1)),
             matrix=np.array(matrix.numbers(16)).reshape(4, 4).T if matrix.given else None,
-            mesh=mesh.index(len(meshes)) if mesh.given else None,
-            skin=skin.index(len(skins)) if skin.given else None,
-            weights=entry.get("weights").numbers() if entry.get("weights").given else None,
+            mesh=mesh,
+            skin=entry.get("skin").index(len(skins)) if entry.get("skin").given else None,
+            weights=weights.numbers(0 if mesh is None else meshes[mesh].morph_count) if weights.given else None,
             pose_keys=network_in_extras(entry.get("extras"), names),
         )
         if node.mesh is not None and node.skin is not None:

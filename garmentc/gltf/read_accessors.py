@@ -24,12 +24,16 @@ MAX_RESOLVED_BYTES = 16 * 2**30
 
 @dataclass
 class AccessorReader:
-    """Resolves the accessors of one document, up to MAX_RESOLVED_BYTES."""
+    """Resolves the accessors of one document, up to MAX_RESOLVED_BYTES.
+
+    view_uses  by buffer view that was read: where in the document it was first asked for
+    """
 
     root: Cursor
     binary: memoryview
     _accessors: list[Cursor] = field(init=False)
     _views: list[Cursor] = field(init=False)
+    view_uses: dict[int, str] = field(default_factory=dict)
     _resolved_bytes: int = 0
 
     def __post_init__(self) -> None:
@@ -62,6 +66,8 @@ class AccessorReader:
         if count is not None and size != count:
             raise where.error(f"must have {count} elements, not {size}")
         values = self._resolve(accessor, size, _COMPONENTS[kind])
+        for view in self._views_of(accessor):
+            self.view_uses.setdefault(view, where.pointer)
         if scale and accessor.get("normalized").flag() and values.dtype.kind in "iu":
             fractions = values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max)
             values = np.maximum(fractions, np.float32(-1))
@@ -69,20 +75,26 @@ class AccessorReader:
 
     def storage(self, where: Cursor) -> Storage:
         accessor = self._accessors[self.index(where)]
-        sparse = accessor.get("sparse")
-        views = [accessor.get("bufferView")]
-        if sparse.given:
-            views += [sparse.get("indices").get("bufferView"), sparse.get("values").get("bufferView")]
+        sparse = accessor.get("sparse").get("count")
         return Storage(
             component=self._dtype(accessor).name,
             normalized=accessor.get("normalized").flag(),
-            bytes=sum(self._view(view)[1] for view in views if view.given),
-            sparse=sparse.get("count").integer() if sparse.given else None,
+            bytes=sum(self.view_size(view) for view in self._views_of(accessor)),
+            sparse=sparse.integer() if sparse.given else None,
         )
+
+    def view_size(self, view: int) -> int:
+        return self._views[view].get("byteLength").integer()
+
+    def _views_of(self, accessor: Cursor) -> list[int]:
+        sparse = accessor.get("sparse")
+        owners = (accessor, sparse.get("indices"), sparse.get("values"))
+        return [owner.get("bufferView").index(len(self._views)) for owner in owners if owner.get("bufferView").given]
 
     def view_bytes(self, where: Cursor) -> bytes:
         """All bytes of the buffer view that `where` names."""
         offset, length, _ = self._view(where)
+        self.view_uses.setdefault(where.index(len(self._views)), where.pointer)
         return bytes(self.binary[offset : offset + length])
 
     def _resolve(self, accessor: Cursor, count: int, components: int) -> NDArray[Any]:

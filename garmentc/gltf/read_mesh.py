@@ -18,7 +18,8 @@ _MOST_INFLUENCE_SETS = 4
 
 def read_mesh(entry: Cursor, reader: AccessorReader, root: Cursor) -> Mesh:
     """One mesh with all its primitives, which must be triangle lists with equally many morph targets."""
-    primitives = tuple(_read_primitive(primitive, reader) for primitive in entry.get("primitives"))
+    materials = len(list(root.get("materials")))
+    primitives = tuple(_read_primitive(primitive, reader, materials) for primitive in entry.get("primitives"))
     if not primitives:
         raise entry.error("has no primitives")
     morphs = len(primitives[0].morph_positions)
@@ -37,7 +38,7 @@ def read_mesh(entry: Cursor, reader: AccessorReader, root: Cursor) -> Mesh:
     )
 
 
-def _read_primitive(entry: Cursor, reader: AccessorReader) -> Primitive:
+def _read_primitive(entry: Cursor, reader: AccessorReader, material_count: int) -> Primitive:
     if entry.get("mode").integer(_TRIANGLES) != _TRIANGLES:
         raise entry.error("is no list of triangles", "triangulate the mesh before exporting it")
     if entry.get("extensions").get("KHR_draco_mesh_compression").given:
@@ -69,7 +70,7 @@ def _read_primitive(entry: Cursor, reader: AccessorReader) -> Primitive:
         weights=weights,
         morph_positions=_morphs(targets, "POSITION", reader, size),
         morph_normals=_morphs(targets, "NORMAL", reader, size) if has_normals else None,
-        material=material.integer() if material.given else None,
+        material=material.index(material_count) if material.given else None,
         storage=storage,
     )
 

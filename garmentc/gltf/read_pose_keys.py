@@ -15,6 +15,7 @@ from garmentc.gltf.glb_asset import PoseKeyNetwork
 from garmentc.gltf.pose_keys import EXTENSION, VERSION
 from garmentc.gltf.read_accessors import AccessorReader
 from garmentc.rig import ACTIVATIONS, DenseLayer
+from garmentc.smpl.skeleton import JOINT_COUNT
 
 _MOST_NUMBERS = 2**26
 
@@ -66,6 +67,8 @@ def _network(
     version = entry.get("version").integer(low=1)
     if version != VERSION:
         raise entry.get("version").error(f"is {version}, only {VERSION} is known", "update garmentc")
+    if len(joints) != JOINT_COUNT:
+        raise entry.get("joints").error(f"must be {JOINT_COUNT} joints")
     layers: list[DenseLayer] = []
     for layer in entry.get("layers"):
         weight, bias = numbers(layer, "weight"), numbers(layer, "bias")

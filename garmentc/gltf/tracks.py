@@ -14,7 +14,6 @@ from garmentc.rig import Rig
 from garmentc.smpl.rotations import axis_angle_to_quaternion
 from garmentc.smpl.skeleton import JOINT_COUNT, PARENTS
 
-
 _AT_REST = 1e-7
 """Metres: what the rounding of a network's numbers may leave of its zero at rest."""
 

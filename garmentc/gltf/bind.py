@@ -1,0 +1,46 @@
+"""From stored positions to metres: what the skin does to a mesh in the rest pose."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.gltf.glb_asset import GlbAsset, Primitive
+from garmentc.gltf.state import rest_state, world_matrices
+
+
+def rest_joint_matrices(asset: GlbAsset, mesh_node: int) -> NDArray[np.float64]:
+    """(J, 4, 4): what each joint does to a stored position at rest; (1, 4, 4) for a mesh without a skin.
+
+    In a sound file all are equal: the identity, or the dequantization that was folded into them.
+    """
+    world = world_matrices(asset, rest_state(asset))
+    skin_index = asset.nodes[mesh_node].skin
+    if skin_index is None:
+        return world[[mesh_node]]
+    skin = asset.skins[skin_index]
+    matrices: NDArray[np.float64] = world[list(skin.joints)] @ skin.inverse_bind_matrices.astype(np.float64)
+    return matrices
+
+
+def dense_weights(primitive: Primitive, joint_count: int) -> NDArray[np.float32]:
+    """Blend weights (S, J) of all influence sets together; zeros where the primitive has none."""
+    dense = np.zeros((len(primitive.positions), joint_count), dtype=np.float32)
+    if primitive.joints is not None and primitive.weights is not None:
+        rows = np.arange(len(dense))
+        for joint, weight in zip(primitive.joints.T, primitive.weights.T, strict=True):
+            dense[rows, joint] += weight
+    return dense
+
+
+def morph_sizes(asset: GlbAsset, mesh_node: int) -> NDArray[np.float64]:
+    """(M,) the farthest that each morph target moves a vertex at weight 1, metres at rest."""
+    mesh = asset.nodes[mesh_node].mesh
+    if mesh is None:
+        return np.zeros(0)
+    linear = rest_joint_matrices(asset, mesh_node)[0, :3, :3]
+    sizes = np.zeros(asset.meshes[mesh].morph_count)
+    for primitive in asset.meshes[mesh].primitives:
+        for morph, deltas in enumerate(primitive.morph_positions):
+            sizes[morph] = max(sizes[morph], float(np.linalg.norm(deltas @ linear.T, axis=1).max()))
+    return sizes
