@@ -66,6 +66,7 @@ def read_obj(path: str | PathLike[str], *, allow_external_textures: bool = False
             *_texcoord_warnings(text, tables),
             *color_warnings,
             *_degenerate_warnings(text, face_line, degenerate),
+            *_repeated_warnings(text, face_line[tri_face], corners[0][triangles]),
             *material_warnings,
         ),
     )
@@ -145,3 +146,12 @@ def _degenerate_warnings(
         return []
     message = f"{len(degenerate)} polygon(s) cross themselves or have no area; they were cut into a fan as they are"
     return [Diagnostic("obj.degenerate-polygon", message, str(text.path), int(face_line[degenerate[0]]))]
+
+
+def _repeated_warnings(text: ObjText, tri_line: NDArray[np.int32], tri_v: NDArray[np.int32]) -> list[Diagnostic]:
+    a, b, c = tri_v.T
+    repeated = (a == b) | (b == c) | (c == a)
+    if not repeated.any():
+        return []
+    message = f"{repeated.sum()} triangle(s) use a vertex twice and have no area; they will not be seen"
+    return [Diagnostic("obj.repeated-vertex", message, str(text.path), int(tri_line[np.argmax(repeated)]))]

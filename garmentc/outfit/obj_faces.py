@@ -25,7 +25,7 @@ def parse_corners(block: Block, starts: NDArray[np.int64]) -> NDArray[np.int64]:
     Raises BadToken for anything but v, v/vt, v//vn and v/vt/vn; an empty field after a slash is allowed.
     """
     text = block.text
-    filled = text > BLANK
+    filled = block.filled()
     slash = text == _SLASH
     begins = slash.copy()
     begins[starts] = True

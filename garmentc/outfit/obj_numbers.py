@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from garmentc.outfit.obj_text import decode
 
-BLANK = 32
-"""Bytes up to the blank separate tokens: the text has no other white space, and newline lies below."""
+BLANK, NEWLINE = ord(" "), ord("\n")
+"""What separates tokens: the text has no other white space."""
 
 LARGEST_NUMBER = 1e15
 """Larger values are refused: their squares would overflow single precision, and no unit makes a garment so large."""
@@ -45,9 +45,14 @@ class Block:
     lines: NDArray[np.int64]
     origin: NDArray[np.int64]
 
+    def filled(self) -> NDArray[np.bool_]:
+        """(B,) which bytes belong to tokens."""
+        filled: NDArray[np.bool_] = (self.text != BLANK) & (self.text != NEWLINE)
+        return filled
+
     def token_starts(self) -> NDArray[np.int64]:
         """(K,) where tokens start in `text`."""
-        filled = self.text > BLANK
+        filled = self.filled()
         return np.flatnonzero(filled[1:] & ~filled[:-1]) + 1
 
     def counts(self, starts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -76,8 +81,9 @@ def parse_floats(block: Block, count: int) -> NDArray[np.float64]:
 
 
 def parse_integers(text: bytes) -> NDArray[np.int64] | None:
-    """Blank-separated whole numbers; None where `text` holds anything else. Too large ones saturate."""
-    return _from_text(text, np.int64)
+    """Blank-separated whole numbers; None where `text` holds anything else. Too large ones saturate within 2^62."""
+    values = _from_text(text, np.int64)
+    return None if values is None else np.maximum(values, -(1 << 62))
 
 
 def _from_text(text: bytes, dtype: type[np.generic]) -> NDArray[Any] | None:

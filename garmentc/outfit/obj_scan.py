@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.outfit.obj_faces import ABSENT, parse_corners
-from garmentc.outfit.obj_numbers import BLANK, BadToken, Block, parse_floats
+from garmentc.outfit.obj_numbers import BLANK, NEWLINE, BadToken, Block, parse_floats
 from garmentc.outfit.obj_text import ObjText
 
 _STRETCH = 1 << 22
-_NEWLINE, _HASH = ord("\n"), ord("#")
+_HASH = ord("#")
 _FLOAT_KEYWORDS = {"v": (3, 4, 6, 7), "vt": (1, 2, 3), "vn": (3,)}
 _LARGEST_INDEX = np.iinfo(np.int32).max
 
@@ -114,7 +114,7 @@ def _stretches(data: bytes) -> Iterator[_Stretch]:
     while start < len(data):
         end = data.find(b"\n", min(start + _STRETCH, len(data) - 1)) + 1
         text = np.frombuffer(data, np.uint8, end - start, start).copy()
-        ends = np.flatnonzero(text == _NEWLINE)
+        ends = np.flatnonzero(text == NEWLINE)
         yield _Stretch(start, text, np.concatenate([[0], ends[:-1] + 1]), ends)
         start = end
 
@@ -123,7 +123,7 @@ def _scan_stretch(text: ObjText, stretch: _Stretch, parts: _Parts) -> None:
     first = _first_filled(stretch)
     last = len(stretch.text) - 1
     key = [stretch.text[np.minimum(first + i, last)] for i in range(3)]
-    short = (key[0] != _NEWLINE) & (key[1] <= BLANK)
+    short = (key[0] != NEWLINE) & (key[1] <= BLANK)
     longer = (key[1] > BLANK) & (key[2] <= BLANK)
     kinds = {
         "v": short & (key[0] == ord("v")),
@@ -132,7 +132,7 @@ def _scan_stretch(text: ObjText, stretch: _Stretch, parts: _Parts) -> None:
         "f": short & (key[0] == ord("f")),
     }
     numeric = kinds["v"] | kinds["vt"] | kinds["vn"] | kinds["f"]
-    other = ~numeric & (key[0] != _NEWLINE) & (key[0] != _HASH)
+    other = ~numeric & (key[0] != NEWLINE) & (key[0] != _HASH)
 
     faces_before = parts.lengths["f"] + np.cumsum(kinds["f"])
     for i in np.flatnonzero(other).tolist():
@@ -189,7 +189,7 @@ def _add_rows(text: ObjText, block: Block, name: str, parts: _Parts) -> None:
     allowed = _FLOAT_KEYWORDS[name]
     if not np.isin(counts, allowed).all():
         wrong = int(np.argmin(np.isin(counts, allowed)))
-        wanted = " or ".join(str(number) for number in allowed)
+        wanted = ", ".join(map(str, allowed[:-1])) + f" or {allowed[-1]}" if allowed[1:] else str(allowed[0])
         raise text.error(f"'{name}' has {counts[wrong]} numbers; expected {wanted}", int(block.origin[wrong]))
     try:
         values = parse_floats(block, len(starts))
