@@ -48,16 +48,12 @@ def make_rig(morphs: int = 8, influences: int = 4, columns: int = 24, rows: int 
     weights = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
     outward = vertex_normals(vertices, triangles)
     shapes = np.zeros((morphs, len(vertices), 3), dtype=np.float32)
-    for shape in shapes:
+    turned = np.zeros_like(shapes)
+    for shape, turn in zip(shapes, turned, strict=True):
         from_centre = np.linalg.norm(vertices - vertices[random.integers(len(vertices))], axis=1)
-        bump = np.clip(1 - (from_centre / 0.2) ** 2, 0, None) ** 2
-        shape[:] = bump[:, None] * (0.04 * outward + random.normal(0, 0.015, 3))
-    turned = None
-    if normals:
-        turned = (
-            np.stack([vertex_normals(vertices + shape, triangles) - outward for shape in shapes]) if morphs else shapes
-        )
-        turned = np.where(shapes != 0, turned, 0).astype(np.float32)
+        bump = np.clip(1 - (from_centre / 0.2) ** 2, 0, None)[:, None] ** 2
+        shape[:] = bump * (0.04 * outward + random.normal(0, 0.015, 3))
+        turn[:] = bump * random.normal(0, 0.2, 3)
     return Rig(
         template=vertices,
         triangles=triangles.astype(np.int32),
@@ -65,7 +61,7 @@ def make_rig(morphs: int = 8, influences: int = 4, columns: int = 24, rows: int 
         weights=weights,
         blend_shapes=shapes,
         keys=make_keys(morphs, random) if morphs else None,
-        blend_normals=turned,
+        blend_normals=turned if normals else None,
     )
 
 

@@ -53,6 +53,7 @@ def _geometry(
     positions = a.positions @ linear[0] + offset[0], b.positions @ linear[1] + offset[1]
     yield from apart(f"{where}/POSITION", *positions, tolerances.position, *_MILLIMETRES)
     yield from _optional(f"{where}/NORMAL", _unit(a.normals), _unit(b.normals), tolerances.normal)
+    yield from _optional(f"{where}/TANGENT", _unit(a.tangents), _unit(b.tangents), tolerances.normal)
     yield from _optional(f"{where}/TEXCOORD_0", a.texcoords, b.texcoords, tolerances.texcoord)
     yield from _optional(f"{where}/COLOR_0", a.colors, b.colors, tolerances.color)
     for morph, (x, y) in enumerate(zip(a.morph_positions, b.morph_positions, strict=True)):
@@ -73,8 +74,8 @@ def _optional(where: str, a: NDArray[Any] | None, b: NDArray[Any] | None, tolera
 
 
 def _unit(normals: NDArray[np.float32] | None) -> NDArray[Any] | None:
-    """Quantized normals are not quite of unit length, and engines normalise them."""
+    """Quantized normals and tangents are not quite of unit length, and engines normalise them."""
     if normals is None:
         return None
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return normals / np.where(length > 0, length, 1)
+    length = np.linalg.norm(normals[:, :3], axis=1, keepdims=True)
+    return np.concatenate([normals[:, :3] / np.where(length > 0, length, 1), normals[:, 3:]], axis=1)

@@ -42,6 +42,7 @@ class Primitive:
     positions: NDArray[np.float32]
     triangles: NDArray[np.uint32]
     normals: NDArray[np.float32] | None
+    tangents: NDArray[np.float32] | None
     texcoords: NDArray[np.float32] | None
     colors: NDArray[np.float32] | None
     joints: NDArray[np.int32] | None

@@ -11,6 +11,7 @@ from garmentc.gltf.accessors import AccessorWriter
 from garmentc.gltf.asset import Asset
 from garmentc.gltf.positions import PositionCodec
 from garmentc.gltf.skin import add_influences, largest_influences
+from garmentc.gltf.tangents import vertex_tangents
 from garmentc.outfit.corners import CornerPrimitive
 
 
@@ -54,6 +55,9 @@ def _add_primitive(
         texcoords = _texcoords(corners.texcoords, quantize)
         normalized = texcoords.dtype == np.uint16
         attributes.TEXCOORD_0 = writer.attribute(texcoords, normalized=normalized, label="the texture coordinates")
+    if corners.texcoords is not None and asset.materials[corners.material].normal_texture is not None:
+        tangents = _normals(vertex_tangents(asset.rig.template[corners.vertices], corners), quantize)
+        attributes.TANGENT = writer.attribute(tangents, normalized=quantize, label="the tangents")
     if corners.colors is not None:
         attributes.COLOR_0 = writer.attribute(_colors(corners.colors), normalized=True, label="the vertex colours")
     joints, weights = influences
@@ -83,6 +87,7 @@ def _add_target(
 
 
 def _normals(normals: NDArray[Any], quantize: bool) -> NDArray[Any]:
+    """Normals, their deltas, or tangents; as 8-bit fractions they are half a degree off at most."""
     if not quantize:
         return normals.astype(np.float32, copy=False)
     return np.clip(np.round(normals * 127), -127, 127).astype(np.int8)

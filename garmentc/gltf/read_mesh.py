@@ -64,6 +64,7 @@ def _read_primitive(entry: Cursor, reader: AccessorReader, material_count: int) 
         positions=positions,
         triangles=_triangles(entry, reader, size),
         normals=optional("NORMAL", ("VEC3",)),
+        tangents=optional("TANGENT", ("VEC4",)),
         texcoords=optional("TEXCOORD_0", ("VEC2",)),
         colors=optional("COLOR_0", ("VEC3", "VEC4")),
         joints=joints,

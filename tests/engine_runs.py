@@ -1,0 +1,62 @@
+"""Runs the programs in tests/engines on .glb files. Install their packages with `npm ci` in that folder."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+ENGINES = Path(__file__).parent / "engines"
+
+
+def require_engines() -> None:
+    """Skip the test where node or the packages are missing."""
+    if shutil.which("node") is None:
+        pytest.skip("node is not installed; engine tests need node 18 or later")
+    if not (ENGINES / "node_modules").is_dir():
+        pytest.skip("tests/engines/node_modules is missing; run `npm ci` in tests/engines")
+
+
+def run(program: str, jobs: list[dict[str, Any]], folder: Path) -> list[Path]:
+    """Run `program` on all jobs in one process; returns the files that it wrote, one for each job."""
+    require_engines()
+    for number, job in enumerate(jobs):
+        job["out"] = str(folder / f"{Path(program).stem}-{number}")
+    (folder / "jobs.json").write_text(json.dumps(jobs))
+    command = ["node", str(ENGINES / program), str(folder / "jobs.json")]
+    result = subprocess.run(command, cwd=ENGINES, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, f"{program} failed:\n{result.stderr}"
+    return [Path(job["out"]) for job in jobs]
+
+
+def khronos_reports(glbs: list[Path], folder: Path) -> list[dict[str, Any]]:
+    """The Khronos validator's report on each file."""
+    return [json.loads(out.read_text()) for out in run("validate.mjs", [{"glb": str(glb)} for glb in glbs], folder)]
+
+
+def assert_valid(report: dict[str, Any]) -> None:
+    """0 errors and 0 warnings."""
+    issues = report["issues"]
+    serious = [message for message in issues["messages"] if message["severity"] < 2]
+    assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), serious[:5]
+
+
+def animated_positions(program: str, glbs: list[Path], times: list[float], folder: Path) -> list[np.ndarray]:
+    """World positions (T, S, 3) at times of each file's first animation; by "gltf_transform.mjs" or "three_cpu.mjs"."""
+    outs = run(program, [{"glb": str(glb), "times": times} for glb in glbs], folder)
+    return [np.fromfile(out).reshape(len(times), -1, 3) for out in outs]
+
+
+def posed_positions(glbs: list[Path], poses: np.ndarray, translations: np.ndarray, folder: Path) -> list[np.ndarray]:
+    """World positions (T, S, 3) in poses (T, 24, 3), morph weights by three.js from each file's pose-key network."""
+    listed = [
+        {"rotations": pose.tolist(), "translation": moved.tolist()}
+        for pose, moved in zip(poses, translations, strict=True)
+    ]
+    outs = run("three_pose_keys.mjs", [{"glb": str(glb), "poses": listed} for glb in glbs], folder)
+    return [np.fromfile(out).reshape(len(poses), -1, 3) for out in outs]

@@ -1,0 +1,50 @@
+// World positions in poses that are not in the file: joints set by hand, morph weights by the file's pose-key network,
+// as docs/GARMENTC_mesh_pose_keys.md tells engine developers to do it.
+
+import {jobs, writePositions} from './jobs.mjs';
+import {THREE, load, worldPositions} from './three_scene.mjs';
+
+const floats = text => new Float32Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
+
+function axisAngle(q) {
+  const sign = q.w < 0 ? -1 : 1, length = Math.hypot(q.x, q.y, q.z);
+  const k = length < 1e-12 ? 2 * sign : sign * 2 * Math.atan2(length, sign * q.w) / length;
+  return [q.x * k, q.y * k, q.z * k];
+}
+
+function poseKeys(layers, joints) {
+  const up = new THREE.Vector3(0, 1, 0).applyQuaternion(joints[0].getWorldQuaternion(new THREE.Quaternion()).invert());
+  let x = [up.x, up.y - 1, up.z, ...joints.slice(1).flatMap(joint => axisAngle(joint.quaternion))];
+  for (const {weight, bias, activation} of layers) {
+    const inputs = x;
+    x = Array.from(bias, (b, o) => inputs.reduce((sum, value, i) => sum + weight[o * inputs.length + i] * value, b));
+    if (activation !== 'linear') x = x.map(value => Math.max(value, 0));
+    if (activation === 'normalized_relu') {
+      const sum = x.reduce((a, b) => a + b, 1e-6);
+      x = x.map(value => value / sum);
+    }
+  }
+  return x;
+}
+
+for (const {glb, out, poses} of jobs) {
+  const {scene, meshes} = await load(glb);
+  const owner = meshes.find(mesh => mesh.userData.GARMENTC_mesh_pose_keys) ?? meshes[0].parent;
+  const network = JSON.parse(owner.userData.GARMENTC_mesh_pose_keys);
+  const layers = network.layers.map(layer => ({...layer, weight: floats(layer.weight), bias: floats(layer.bias)}));
+  const joints = network.joints.map(name => meshes[0].skeleton.getBoneByName(name));
+  const positions = [];
+  for (const {rotations, translation} of poses) {
+    rotations.forEach((rotation, i) => {
+      const vector = new THREE.Vector3(...rotation), angle = vector.length();
+      joints[i].quaternion.setFromAxisAngle(angle ? vector.normalize() : vector.set(1, 0, 0), angle);
+    });
+    const rest = joints[0].userData.rest ??= joints[0].position.clone();
+    joints[0].position.copy(rest).add(new THREE.Vector3(...translation));
+    scene.updateMatrixWorld(true);
+    const weights = poseKeys(layers, joints);
+    for (const mesh of meshes) weights.forEach((weight, i) => { mesh.morphTargetInfluences[i] = weight; });
+    for (const value of worldPositions(scene, meshes)) positions.push(value);
+  }
+  writePositions(out, positions);
+}
