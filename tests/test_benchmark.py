@@ -108,8 +108,8 @@ def test_the_benchmark_puts_a_file_beside_its_baseline(tmp_path: Path) -> None:
 
 def test_the_command_prints_the_table(tmp_path: Path) -> None:
     path = written(tmp_path, body="default neutral", gender="neutral", betas="0.5,-0.5")
-    command = [sys.executable, "-m", "garmentc.evaluation", str(path), "--motion", str(save_motion(tmp_path))]
-    done = subprocess.run([*command, "--step", "6", "--baseline", "nearest"], capture_output=True, text=True)
+    command = [sys.executable, "-m", "garmentc", "evaluate", str(path), "--motion", str(save_motion(tmp_path))]
+    done = subprocess.run([*command, "--step", "6"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "| gown | nearest | 1 |" in done.stdout.split("All frames")[1]
     refused = subprocess.run([*command, "--step", "0"], capture_output=True, text=True)

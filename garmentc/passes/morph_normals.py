@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.outfit.topology import vertex_normals
+from garmentc.outfit.topology import corner_angles
 from garmentc.passes.key_reach import key_reach
 from garmentc.passes.pose_set import PoseSet
 from garmentc.passes.report import PassReport
@@ -30,30 +30,52 @@ def morph_normals(rig: Rig, options: MorphNormals, poses: PoseSet) -> tuple[Rig,
     if not rig.morph_count:
         return rig, PassReport("morph normals", "no blend shapes, so none")
     amounts = key_reach(rig.pose_keys(np.asarray(poses.fit, np.float64)))
-    template = rig.template.astype(np.float64)
-    rest = vertex_normals(template, rig.triangles)
+    surface = _Surface.of(rig.template.astype(np.float64), rig.triangles)
+    rest = surface.normals(surface.sides)
     normals = np.empty(rig.blend_shapes.shape, dtype=np.float32)
-    for shape, delta, amount in zip(rig.blend_shapes, normals, amounts, strict=True):
-        delta[:] = normal_delta(template, shape, float(amount), rig.triangles, rest)
-    turn = float(np.abs(normals).max())
-    detail = f"{rig.morph_count} sets of normal deltas, the largest entry is {turn:.2f}"
+    for shape, delta, amount in zip(rig.blend_shapes, normals, amounts.astype(np.float32), strict=True):
+        moved = surface.normals(surface.sides + amount * _sides(shape, rig.triangles))
+        delta[:] = (moved - rest) / amount
+    detail = f"{rig.morph_count} sets of normal deltas, the largest entry is {np.abs(normals).max():.2f}"
     return replace(rig, blend_normals=normals), PassReport("morph normals", detail)
 
 
-def normal_delta(
-    template: NDArray[np.float64],
-    shape: NDArray[Any],
-    amount: float,
-    triangles: NDArray[np.int32],
-    rest: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Change (N, 3) of the normals `rest` of `template` (N, 3) for one unit of `shape` (N, 3), met at `amount`.
+@dataclass(frozen=True)
+class _Surface:
+    """A triangle mesh for many shapes of it.
 
-    A large mesh is not computed where the shape does not move it.
+    sides    (2, F, 3) float32: two sides of each triangle at rest
+    weigher  sparse (N, F): sums the normals of the triangles around a vertex by their rest corner angles. It takes
+             normals as long as twice the triangle's area and undoes the rest area, so that a triangle needs no square
+             root; a triangle that grows then weighs more, which only matters where it also turns
     """
-    moving = (shape != 0).any(axis=1)[triangles].any(axis=1)
-    touched = np.zeros(len(template), dtype=bool)
-    touched[triangles[moving]] = True
-    local = triangles[touched[triangles].any(axis=1)]  # every triangle around a touched vertex
-    moved = vertex_normals(template + amount * shape.astype(np.float64), local)
-    return np.where(touched[:, None], (moved - rest) / amount, 0)
+
+    sides: NDArray[np.float32]
+    weigher: Any
+
+    @classmethod
+    def of(cls, template: NDArray[np.float64], triangles: NDArray[np.int32]) -> _Surface:
+        from scipy.sparse import csr_matrix
+
+        sides = _sides(template, triangles)
+        area = np.linalg.norm(np.cross(*sides), axis=1)
+        share = corner_angles(template, triangles) / np.where(area > 0, area, 1)[:, None]
+        column = np.repeat(np.arange(len(triangles)), 3)
+        shape = (len(template), len(triangles))
+        weigher = csr_matrix((share.ravel().astype(np.float32), (triangles.ravel(), column)), shape=shape)
+        return cls(sides.astype(np.float32), weigher)
+
+    def normals(self, sides: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Unit normals (N, 3) of the mesh with these sides; 0 where there is no area."""
+        (ax, ay, az), (bx, by, bz) = sides.transpose(0, 2, 1)
+        across = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+        sums: NDArray[np.float32] = self.weigher @ across
+        length = np.sqrt(np.einsum("ni,ni->n", sums, sums))[:, None]
+        sums /= np.where(length > 0, length, 1)
+        return sums
+
+
+def _sides(points: NDArray[Any], triangles: NDArray[np.int32]) -> NDArray[Any]:
+    """(2, F, 3): from the first corner of each triangle to the second, and to the third."""
+    first = points[triangles[:, 0]]
+    return np.stack([points[triangles[:, 1]] - first, points[triangles[:, 2]] - first])
