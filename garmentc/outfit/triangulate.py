@@ -113,10 +113,13 @@ def _ear_clip(outline: NDArray[np.float64]) -> NDArray[np.int32] | None:
     x /= np.linalg.norm(x)
     flat = np.stack([outline @ x, outline @ np.cross(normal[0], x)], axis=1)
     flat = (flat - flat.mean(axis=0)) / np.sqrt(size[0])
-    clipped = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], np.uint32)).reshape(-1, 3).astype(np.int64)
+    distinct = np.flatnonzero((outline != np.roll(outline, 1, axis=0)).any(axis=1))
+    ring = np.array([len(distinct)], np.uint32)
+    clipped = distinct[mapbox_earcut.triangulate_float64(flat[distinct], ring).reshape(-1, 3)]
     a, b, c = (flat[clipped[:, i]] for i in range(3))
     area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    clipped[area < 0] = clipped[area < 0][:, ::-1]
+    if area.sum() < 0:
+        clipped = clipped[:, ::-1]
     return _with_all_corners(clipped, len(flat))
 
 
