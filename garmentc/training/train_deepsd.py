@@ -187,7 +187,7 @@ def _train_stage(
             1 + np.cos(np.pi * done)
         )
         for group in optimizer.param_groups:
-            group["lr"] = rate
+            group["lr"] = float(rate)  # a numpy number would keep the checkpoint from being read back
         optimizer.zero_grad()
         for index in rng.choice(len(examples), config.outfits_per_step, replace=False):
             example = examples[index]
