@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from garmentc.smpl.pose_sampler import sample_poses
 
 FIT_COUNT = 1024
-CHECK_COUNT = 64
+CHECK_COUNT = 48
 _FIT_SEED, _CHECK_SEED = 1, 2
 
 

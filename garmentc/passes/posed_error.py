@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from garmentc.passes.blas import single_threaded_blas
 from garmentc.rig import Rig
 
-MAX_VERTICES = 5_000
+MAX_VERTICES = 3_000
 _VALUES_AT_ONCE = 2_000_000
 
 

@@ -1,0 +1,47 @@
+"""What integer vertex attributes will cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.gltf.positions import position_codec
+from garmentc.gltf.skin import largest_influences, to_unorm16
+from garmentc.passes.pose_set import PoseSet
+from garmentc.passes.posed_error import MAX_VERTICES, posed_error, spread_vertices, take_vertices
+from garmentc.passes.report import PassReport
+from garmentc.rig import Rig
+
+
+@dataclass(frozen=True)
+class Quantize:
+    """influences  joints that may move a vertex in the file: 4 or 8"""
+
+    influences: int = 4
+
+
+def quantize(rig: Rig, options: Quantize, poses: PoseSet) -> tuple[Rig, PassReport]:
+    """Measure the rig as it comes back out of int16 positions and deltas and uint16 weights.
+
+    The rig itself stays as it is: the back end does the rounding, once.
+    """
+    codec = position_codec(rig, quantize=True)
+    part = take_vertices(rig, spread_vertices(rig.vertex_count, MAX_VERTICES))
+    joints, weights = largest_influences(part.weights, options.influences)
+    stored = np.zeros(part.weights.shape)
+    np.put_along_axis(stored, joints, to_unorm16(weights) / 65535, axis=1)
+    rounded = replace(
+        part,
+        template=_metres(codec.positions(part.template), codec.scale) + codec.center,
+        weights=stored,
+        blend_shapes=_metres(codec.deltas(part.blend_shapes), codec.scale),
+    )
+    detail = f"16-bit positions, a step of {1000 * codec.scale / 32767:.3f} mm"
+    return rig, PassReport("quantize", detail, posed_error(part, rounded, poses.check))
+
+
+def _metres(integers: NDArray[np.int16], scale: float) -> NDArray[np.float64]:
+    metres: NDArray[np.float64] = integers * (scale / 32767)
+    return metres
