@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from gltf_samples import corner_vertices, make_asset
 
 from garmentc.errors import GarmentcError
 from garmentc.gltf.accessors import AccessorWriter
+from garmentc.gltf.asset import GltfOptions
 from garmentc.gltf.cursor import Cursor
 from garmentc.gltf.glb import glb_writer, read_chunks
 from garmentc.gltf.read_accessors import AccessorReader
@@ -129,12 +131,22 @@ def test_sixteen_bit_weights_sum_exactly_and_keep_their_order() -> None:
 def test_largest_influences_match_a_plain_loop() -> None:
     random = np.random.default_rng(3)
     weights = random.dirichlet(np.full(24, 0.2), 300).astype(np.float32)
-    joints, kept = largest_influences(weights, 4)
+    found = largest_influences(weights, 4)
     for row in range(len(weights)):
         best = sorted(range(24), key=lambda joint: -weights[row, joint])[:4]
-        assert joints[row].tolist() == best
+        assert found.joints[row].tolist() == best
         expected = weights[row, best].astype(float)
-        np.testing.assert_allclose(kept[row], expected / expected.sum(), rtol=1e-12)
+        np.testing.assert_allclose(found.weights[row], expected / expected.sum(), rtol=1e-12)
+
+    left_out = 1 - np.sort(weights, axis=1)[:, -4:].sum(axis=1, dtype=float) / weights.sum(axis=1, dtype=float)
+    assert found.left_out == pytest.approx(left_out.max())
+
+
+def test_weights_that_are_left_out_are_told(tmp_path: Path) -> None:
+    asset = make_asset(influences=8)
+    result = write_glb(replace(asset, options=GltfOptions(influences=4)), tmp_path / "a.glb")
+    assert [warning.code for warning in result.warnings] == ["influences-left-out"]
+    assert write_glb(asset, tmp_path / "a.glb").warnings == ()
 
 
 def test_trimesh_sees_the_template(tmp_path: Path) -> None:

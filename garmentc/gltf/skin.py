@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -50,21 +51,34 @@ def add_skin(writer: AccessorWriter, nodes: list[int], joints: NDArray[Any], deq
     return len(writer.document.skins) - 1
 
 
-def largest_influences(weights: NDArray[Any], count: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """The `count` largest blend weights of each vertex, largest first, scaled to sum to 1, and their joints.
+@dataclass(frozen=True)
+class Influences:
+    """The joints that pull each vertex, largest weight first.
 
-    weights  (N, 24)
-    returns  joints (N, count) and weights (N, count)
+    joints    (N, K)
+    weights   (N, K), rows sum to 1
+    left_out  the largest share of a vertex's weight that was more than K joints'
     """
-    joints = np.empty((len(weights), count), dtype=np.intp)
+
+    joints: NDArray[np.uint8]
+    weights: NDArray[np.float64]
+    left_out: float
+
+
+def largest_influences(weights: NDArray[Any], count: int) -> Influences:
+    """The `count` largest blend weights of each vertex. `weights` is (N, 24)."""
+    joints = np.empty((len(weights), count), dtype=np.uint8)
     largest = np.empty((len(weights), count))
+    left_out = 0.0
     for start in range(0, len(weights), _BLOCK):
         block = weights[start : start + _BLOCK].astype(np.float64)
         order = np.argsort(-block, axis=1, kind="stable")[:, :count]
         kept = np.take_along_axis(block, order, axis=1)
         joints[start : start + _BLOCK] = order
-        largest[start : start + _BLOCK] = kept / kept.sum(axis=1, keepdims=True)
-    return joints, largest
+        total = kept.sum(axis=1, keepdims=True)
+        largest[start : start + _BLOCK] = kept / total
+        left_out = max(left_out, float((1 - total[:, 0] / block.sum(axis=1)).max()))
+    return Influences(joints, largest, left_out)
 
 
 def to_unorm16(weights: NDArray[np.float64]) -> NDArray[np.uint16]:
@@ -79,11 +93,15 @@ def to_unorm16(weights: NDArray[np.float64]) -> NDArray[np.uint16]:
 
 
 def add_influences(
-    writer: AccessorWriter, attributes: Any, joints: NDArray[np.intp], weights: NDArray[np.float64], quantize: bool
+    writer: AccessorWriter, attributes: Any, influences: Influences, vertices: NDArray[np.int32], quantize: bool
 ) -> None:
-    """Write JOINTS_0/WEIGHTS_0, and further sets of four, into `attributes`; joint 0 where the weight is 0."""
+    """Write JOINTS_0/WEIGHTS_0, and further sets of four, of `vertices` (S,) into `attributes`.
+
+    The joint is 0 where the weight is 0.
+    """
+    weights = influences.weights[vertices]
     stored = to_unorm16(weights) if quantize else weights.astype(np.float32)
-    used = np.where(stored > 0, joints, 0).astype(np.uint8)
+    used = np.where(stored > 0, influences.joints[vertices], 0).astype(np.uint8)
     for index in range(weights.shape[1] // 4):
         columns = slice(4 * index, 4 * index + 4)
         joint_set = writer.attribute(used[:, columns], label="the joints")

@@ -11,12 +11,13 @@ from garmentc.errors import Diagnostic
 from garmentc.gltf import pose_keys
 from garmentc.gltf.accessors import AccessorWriter
 from garmentc.gltf.animation import add_animation
-from garmentc.gltf.asset import Asset
+from garmentc.gltf.asset import Asset, Clip
 from garmentc.gltf.glb import glb_writer
 from garmentc.gltf.materials import MaterialWriter
 from garmentc.gltf.positions import position_codec
 from garmentc.gltf.primitives import add_mesh
-from garmentc.gltf.skin import add_joints, add_skin, on_grid
+from garmentc.gltf.skin import Influences, add_joints, add_skin, largest_influences, on_grid
+from garmentc.gltf.track_error import keyframe_error
 from garmentc.gltf.tracks import Track, clip_tracks
 
 QUANTIZATION = "KHR_mesh_quantization"
@@ -28,14 +29,16 @@ class WrittenGlb:
 
     bytes            size of the file
     keyframes        written, over all animation channels
-    motion_frames    what they would be with every frame of every channel kept
+    all_keyframes    what they would be with every frame of every channel kept
+    keyframe_error   metres that leaving out keyframes moves a vertex, at frames of the motions
     """
 
     path: Path
     bytes: int
     keyframes: int
-    motion_frames: int
-    warnings: tuple[Diagnostic, ...] = ()
+    all_keyframes: int
+    keyframe_error: float
+    warnings: tuple[Diagnostic, ...]
 
 
 def write_glb(asset: Asset, path: str | os.PathLike[str]) -> WrittenGlb:
@@ -44,17 +47,38 @@ def write_glb(asset: Asset, path: str | os.PathLike[str]) -> WrittenGlb:
     Equal assets give equal bytes. The file appears whole or not at all.
     Raises GarmentcError where the file cannot be written, or where the rig holds NaN.
     """
+    root = on_grid(asset.rig.joints)[0]
+    influences = largest_influences(asset.rig.weights, asset.options.influences)
+    clips = [(clip, clip_tracks(clip, asset.rig, root, asset.options.key_tolerance)) for clip in asset.clips]
     with glb_writer(path) as (document, chunk):
-        tracks = _fill(document, AccessorWriter(document, chunk), asset)
+        _fill(document, AccessorWriter(document, chunk), asset, influences, clips)
     return WrittenGlb(
         path=Path(path),
         bytes=Path(path).stat().st_size,
-        keyframes=sum(len(track.frames) for clip in tracks for track in clip),
-        motion_frames=sum(len(clip.motion) * len(kept) for clip, kept in zip(asset.clips, tracks, strict=True)),
+        keyframes=sum(len(track.frames) for _, tracks in clips for track in tracks),
+        all_keyframes=sum(len(clip.motion) * len(tracks) for clip, tracks in clips),
+        keyframe_error=max((keyframe_error(clip, asset.rig, tracks, root) for clip, tracks in clips), default=0.0),
+        warnings=_warnings(asset, influences),
     )
 
 
-def _fill(document: Any, writer: AccessorWriter, asset: Asset) -> list[tuple[Track, ...]]:
+def _warnings(asset: Asset, influences: Influences) -> tuple[Diagnostic, ...]:
+    if influences.left_out < 1e-6:
+        return ()
+    message = (
+        f"some vertices are pulled by more than {asset.options.influences} joints; "
+        f"up to {influences.left_out:.1%} of a vertex's weight was left out"
+    )
+    return (Diagnostic("influences-left-out", message),)
+
+
+def _fill(
+    document: Any,
+    writer: AccessorWriter,
+    asset: Asset,
+    influences: Influences,
+    clips: list[tuple[Clip, tuple[Track, ...]]],
+) -> None:
     from pygltflib import Asset as GltfAsset
     from pygltflib import Node, Scene
 
@@ -67,7 +91,7 @@ def _fill(document: Any, writer: AccessorWriter, asset: Asset) -> list[tuple[Tra
         primitive.material: materials.add(asset.materials[primitive.material], primitive.texcoords is not None)
         for primitive in asset.primitives
     }
-    mesh = add_mesh(writer, asset, codec, used)
+    mesh = add_mesh(writer, asset, codec, influences, used)
     skin = add_skin(writer, joints, asset.rig.joints, codec.matrix)
     mesh_node = _add_node(document, Node(name=asset.name, mesh=mesh, skin=skin))
     document.scenes = [Scene(nodes=[armature, mesh_node])]  # a skinned mesh belongs at the root (section 3.7.3.3)
@@ -84,12 +108,8 @@ def _fill(document: Any, writer: AccessorWriter, asset: Asset) -> list[tuple[Tra
         document.extensionsRequired = [QUANTIZATION]
     document.extensionsUsed = sorted(extensions)
 
-    tracks = []
-    for clip in asset.clips:
-        kept = clip_tracks(clip, asset.rig, on_grid(asset.rig.joints)[0], asset.options.key_tolerance)
-        add_animation(writer, clip.motion.name, kept, clip.motion.fps, joints, mesh_node)
-        tracks.append(kept)
-    return tracks
+    for clip, tracks in clips:
+        add_animation(writer, clip.motion.name, tracks, clip.motion.fps, joints, mesh_node)
 
 
 def _add_node(document: Any, node: Any) -> int:
