@@ -122,7 +122,11 @@ class MotionFacts:
 
 @dataclass(frozen=True)
 class RigFacts:
-    """What an engine has to run. `keyframes` are those of all channels, out of `motion_frames`."""
+    """What an engine has to run.
+
+    keyframes          of all animation channels, out of `all_keyframes` that there were before some were left out
+    keyframe_error_mm  how far leaving them out moves a vertex, at most
+    """
 
     joints: int
     influences: int
@@ -130,7 +134,8 @@ class RigFacts:
     quantized: bool
     pose_keys: bool
     keyframes: int
-    motion_frames: int
+    all_keyframes: int
+    keyframe_error_mm: float
 
 
 @dataclass(frozen=True)
@@ -206,7 +211,8 @@ def make_report(
             quantized=settings.quantize,
             pose_keys=options.pose_keys and rig.keys is not None,
             keyframes=written.keyframes,
-            motion_frames=written.motion_frames,
+            all_keyframes=written.all_keyframes,
+            keyframe_error_mm=1000 * written.keyframe_error,
         ),
         motions=tuple(MotionFacts(m.name, m.source, len(m), m.fps) for m in dressed.motions),
         stages=tuple(stages),

@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 from garmentc.cli import main
+from garmentc.outfit.topology import vertex_normals
 from garmentc.smpl.default_body import load_default_body
+from garmentc.smpl.skeleton import JOINT_NAMES
+
+TRUNK = ("pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar")
 
 MATERIALS = """newmtl cloth
 Kd 0.2 0.3 0.6
@@ -19,43 +23,27 @@ Kd 0.8 0.7 0.1
 """
 
 
-def skirt_vertices(around: int, down: int) -> np.ndarray:
-    """Rings (down, around, 3) from the waist of the neutral body to its knees, 2 cm wider than its hips."""
-    body = load_default_body("neutral")
-    joints = body.joints()
-    rest = body.shaped()
-    hips = rest[np.abs(rest[:, 1] - joints[1, 1]) < 0.03]
-    hips = hips[np.abs(hips[:, 0]) < 0.3]
-    centre, half = (hips.max(axis=0) + hips.min(axis=0)) / 2, (hips.max(axis=0) - hips.min(axis=0)) / 2 + 0.02
-    angle = np.linspace(0, 2 * np.pi, around, endpoint=False)
-    height = np.linspace(joints[0, 1] + 0.05, joints[4, 1], down)
-    flare = np.linspace(1.0, 1.4, down)
-    rings = np.empty((down, around, 3))
-    rings[..., 0] = centre[0] + half[0] * flare[:, None] * np.sin(angle)
-    rings[..., 1] = height[:, None]
-    rings[..., 2] = centre[2] + half[2] * flare[:, None] * np.cos(angle)
-    return rings
-
-
-def write_skirt(folder: Path, around: int = 24, down: int = 8) -> Path:
-    """skirt.obj with texture coordinates, two materials and a texture; returns its path."""
+def write_top(folder: Path) -> Path:
+    """top.obj: the skin of the female body's trunk, 15 mm out, with two materials and a texture; returns its path."""
     from PIL import Image
 
-    rings = skirt_vertices(around, down)
-    lines = ["mtllib skirt.mtl", *(f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in rings.reshape(-1, 3))]
-    lines += [f"vt {i / around:.6f} {1 - j / (down - 1):.6f}" for j in range(down) for i in range(around + 1)]
-    for j in range(down - 1):
-        lines += ["usemtl hem"] if j == down - 2 else ["usemtl cloth"] if j == 0 else []
-        for i in range(around):
-            corners = ((i, j), (i, j + 1), (i + 1, j + 1), (i + 1, j))
-            lines.append(
-                "f " + " ".join(f"{b * around + a % around + 1}/{b * (around + 1) + a + 1}" for a, b in corners)
-            )
-    (folder / "skirt.obj").write_text("\n".join(lines) + "\n")
-    (folder / "skirt.mtl").write_text(MATERIALS)
+    body = load_default_body("female")
+    trunk = body.weights[:, [JOINT_NAMES.index(name) for name in TRUNK]].sum(axis=1) > 0.6
+    faces = body.faces[trunk[body.faces].all(axis=1)]
+    used, triangles = np.unique(faces, return_inverse=True)
+    triangles = triangles.reshape(-1, 3)
+    points = (body.v_template + 0.015 * vertex_normals(body.v_template, body.faces))[used]
+    turn = np.arctan2(points[:, 0], points[:, 2]) / (2 * np.pi) + 0.5
+    lines = ["mtllib top.mtl", *(f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in points)]
+    lines += [f"vt {u:.6f} {v:.6f}" for u, v in zip(turn, points[:, 1] - points[:, 1].min(), strict=True)]
+    low = points[triangles][:, :, 1].min(axis=1) < points[:, 1].min() + 0.05
+    for material, group in (("cloth", triangles[~low]), ("hem", triangles[low])):
+        lines += [f"usemtl {material}", *(f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in group + 1)]
+    (folder / "top.obj").write_text("\n".join(lines) + "\n")
+    (folder / "top.mtl").write_text(MATERIALS)
     checks = np.indices((8, 8)).sum(axis=0) % 2 * 200 + 30
     Image.fromarray(np.repeat(checks[..., None], 3, axis=2).astype(np.uint8)).save(folder / "weave.png")
-    return folder / "skirt.obj"
+    return folder / "top.obj"
 
 
 @dataclass(frozen=True)

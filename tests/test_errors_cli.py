@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import onnx
 import pytest
-from cli_samples import CommandLine, write_skirt
+from cli_samples import CommandLine, write_top
 
 from garmentc.families.bundle import DEFAULT_BUNDLE
 
@@ -24,8 +24,8 @@ def run(capsys: pytest.CaptureFixture[str]) -> CommandLine:
 
 
 @pytest.fixture
-def skirt(tmp_path: Path) -> Path:
-    return write_skirt(tmp_path)
+def top(tmp_path: Path) -> Path:
+    return write_top(tmp_path)
 
 
 @pytest.fixture
@@ -92,8 +92,8 @@ def test_obj_that_is_not_there(run: CommandLine, tmp_path: Path, output: Path) -
         (["--nonsense"], "garmentc compile --help"),
     ],
 )
-def test_arguments(run: CommandLine, skirt: Path, output: Path, arguments: list[str], message: str) -> None:
-    assert message in run.fails("compile", skirt, "-o", output, *arguments)
+def test_arguments(run: CommandLine, top: Path, output: Path, arguments: list[str], message: str) -> None:
+    assert message in run.fails("compile", top, "-o", output, *arguments)
 
 
 def test_command_that_does_not_exist(run: CommandLine) -> None:
@@ -107,26 +107,26 @@ class Evil:
     trace = ""
 
 
-def test_malicious_pickle_as_body(run: CommandLine, tmp_path: Path, skirt: Path, output: Path) -> None:
+def test_malicious_pickle_as_body(run: CommandLine, tmp_path: Path, top: Path, output: Path) -> None:
     Evil.trace = str(tmp_path / "was-here")
     body = tmp_path / "model.pkl"
     body.write_bytes(pickle.dumps({"v_template": Evil()}))
-    line = run.fails("compile", skirt, "-o", output, "--body", body)
+    line = run.fails("compile", top, "-o", output, "--body", body)
     assert "system" in line
     assert not Path(Evil.trace).exists()
 
 
-def test_malicious_npz_as_body_and_as_motion(run: CommandLine, tmp_path: Path, skirt: Path, output: Path) -> None:
+def test_malicious_npz_as_body_and_as_motion(run: CommandLine, tmp_path: Path, top: Path, output: Path) -> None:
     Evil.trace = str(tmp_path / "was-here")
     path = tmp_path / "evil.npz"
     evil = np.array([Evil()], dtype=object)
     np.savez(path, v_template=evil, poses=evil)
     for option in ("--body", "--motion", "--params"):
-        assert str(path) in run.fails("compile", skirt, "-o", output, option, path)
+        assert str(path) in run.fails("compile", top, "-o", output, option, path)
     assert not Path(Evil.trace).exists()
 
 
-def test_body_with_the_wrong_number_of_joints(run: CommandLine, tmp_path: Path, skirt: Path, output: Path) -> None:
+def test_body_with_the_wrong_number_of_joints(run: CommandLine, tmp_path: Path, top: Path, output: Path) -> None:
     path = tmp_path / "model.npz"
     np.savez(
         path,
@@ -138,18 +138,18 @@ def test_body_with_the_wrong_number_of_joints(run: CommandLine, tmp_path: Path, 
         J_regressor=np.full((19, 10), 0.1),
         kintree_table=np.stack([np.arange(-1, 18), np.arange(19)]),
     )
-    line = run.fails("compile", skirt, "-o", output, "--body", path)
+    line = run.fails("compile", top, "-o", output, "--body", path)
     assert "19" in line
     assert "24" in line
 
 
 @pytest.mark.parametrize("shape", [(5, 71), (72,), (5, 24), (0, 72), (2, 3, 4, 5)])
 def test_motion_with_poses_of_a_bad_shape(
-    run: CommandLine, tmp_path: Path, skirt: Path, output: Path, shape: tuple[int, ...]
+    run: CommandLine, tmp_path: Path, top: Path, output: Path, shape: tuple[int, ...]
 ) -> None:
     path = tmp_path / "motion.npz"
     np.savez(path, poses=np.zeros(shape), trans=np.zeros((5, 3)), mocap_framerate=30.0)
-    line = run.fails("compile", skirt, "-o", output, "--motion", path)
+    line = run.fails("compile", top, "-o", output, "--motion", path)
     assert "poses" in line
 
 
@@ -163,10 +163,10 @@ def test_motion_with_poses_of_a_bad_shape(
         ('{"shoes": 1}', "shoes"),
     ],
 )
-def test_parameters(run: CommandLine, tmp_path: Path, skirt: Path, output: Path, document: str, message: str) -> None:
+def test_parameters(run: CommandLine, tmp_path: Path, top: Path, output: Path, document: str, message: str) -> None:
     path = tmp_path / "params.json"
     path.write_text(document)
-    line = run.fails("compile", skirt, "-o", output, "--params", path)
+    line = run.fails("compile", top, "-o", output, "--params", path)
     assert str(path) in line
     assert message in line
 
@@ -177,14 +177,14 @@ def bundle(tmp_path: Path) -> Path:
     return Path(shutil.copytree(DEFAULT_BUNDLE, tmp_path / "bundle"))
 
 
-def test_bundle_that_is_not_there(run: CommandLine, tmp_path: Path, skirt: Path, output: Path) -> None:
-    assert "manifest.json" in run.fails("compile", skirt, "-o", output, "--bundle", tmp_path / "nothing")
+def test_bundle_that_is_not_there(run: CommandLine, tmp_path: Path, top: Path, output: Path) -> None:
+    assert "manifest.json" in run.fails("compile", top, "-o", output, "--bundle", tmp_path / "nothing")
 
 
-def test_bundle_with_a_bad_hash(run: CommandLine, skirt: Path, output: Path, bundle: Path) -> None:
+def test_bundle_with_a_bad_hash(run: CommandLine, top: Path, output: Path, bundle: Path) -> None:
     with (bundle / "outfit.onnx").open("ab") as file:
         file.write(b"\0")
-    line = run.fails("compile", skirt, "-o", output, "--bundle", bundle)
+    line = run.fails("compile", top, "-o", output, "--bundle", bundle)
     assert "SHA-256" in line
     assert "outfit.onnx" in line
 
@@ -200,52 +200,52 @@ def rewrite(bundle: Path, model: onnx.ModelProto) -> None:
     (bundle / "manifest.json").write_text(json.dumps(manifest))
 
 
-def test_bundle_with_a_missing_input(run: CommandLine, skirt: Path, output: Path, bundle: Path) -> None:
+def test_bundle_with_a_missing_input(run: CommandLine, top: Path, output: Path, bundle: Path) -> None:
     model = onnx.load(bundle / "outfit.onnx")
     model.graph.input[0].name = "something_else"
     rewrite(bundle, model)
-    assert "vertices" in run.fails("compile", skirt, "-o", output, "--bundle", bundle)
+    assert "vertices" in run.fails("compile", top, "-o", output, "--bundle", bundle)
 
 
-def test_bundle_with_data_in_another_file(run: CommandLine, skirt: Path, output: Path, bundle: Path) -> None:
+def test_bundle_with_data_in_another_file(run: CommandLine, top: Path, output: Path, bundle: Path) -> None:
     model = onnx.load(bundle / "outfit.onnx")
     onnx.external_data_helper.convert_model_to_external_data(model, location="weights.bin", size_threshold=0)
     onnx.save(model, bundle / "outfit.onnx")
     rewrite(bundle, onnx.load(bundle / "outfit.onnx", load_external_data=False))
-    line = run.fails("compile", skirt, "-o", output, "--bundle", bundle)
+    line = run.fails("compile", top, "-o", output, "--bundle", bundle)
     assert "another file" in line
 
 
-def test_bundle_without_a_manifest_entry(run: CommandLine, skirt: Path, output: Path, bundle: Path) -> None:
+def test_bundle_without_a_manifest_entry(run: CommandLine, top: Path, output: Path, bundle: Path) -> None:
     manifest = json.loads((bundle / "manifest.json").read_text())
     del manifest["pose_encoding"]
     (bundle / "manifest.json").write_text(json.dumps(manifest))
-    assert "pose_encoding" in run.fails("compile", skirt, "-o", output, "--bundle", bundle)
+    assert "pose_encoding" in run.fails("compile", top, "-o", output, "--bundle", bundle)
 
 
-def test_output_that_cannot_be_written(run: CommandLine, tmp_path: Path, skirt: Path) -> None:
+def test_output_that_cannot_be_written(run: CommandLine, tmp_path: Path, top: Path) -> None:
     (tmp_path / "file").touch()
-    assert "does not exist" in run.fails("compile", skirt, "-o", tmp_path / "missing" / "out.glb")
-    assert "is a file" in run.fails("compile", skirt, "-o", tmp_path / "file" / "out.glb")
-    assert "it is a folder" in run.fails("compile", skirt, "-o", tmp_path)
-    assert "does not exist" in run.fails("compile", skirt, "-o", tmp_path / "a.glb", "--report", "/nowhere/r.json")
-    assert "does not exist" in run.fails("compile", skirt, "-o", tmp_path / "a.glb", "--keys-onnx", "/nowhere/k.onnx")
+    assert "does not exist" in run.fails("compile", top, "-o", tmp_path / "missing" / "out.glb")
+    assert "is a file" in run.fails("compile", top, "-o", tmp_path / "file" / "out.glb")
+    assert "it is a folder" in run.fails("compile", top, "-o", tmp_path)
+    assert "does not exist" in run.fails("compile", top, "-o", tmp_path / "a.glb", "--report", "/nowhere/r.json")
+    assert "does not exist" in run.fails("compile", top, "-o", tmp_path / "a.glb", "--keys-onnx", "/nowhere/k.onnx")
     assert not (tmp_path / "a.glb").exists()
 
 
-def test_output_in_a_read_only_folder(run: CommandLine, tmp_path: Path, skirt: Path) -> None:
+def test_output_in_a_read_only_folder(run: CommandLine, tmp_path: Path, top: Path) -> None:
     folder = tmp_path / "locked"
     folder.mkdir()
     folder.chmod(0o555)
     if os.access(folder, os.W_OK):  # root may write anywhere but here
         folder = Path("/sys/kernel")
-    line = run.fails("compile", skirt, "-o", folder / "out.glb")
+    line = run.fails("compile", top, "-o", folder / "out.glb")
     assert "writing there is not allowed" in line or "read-only" in line
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
-def test_full_disk(run: CommandLine, skirt: Path) -> None:
-    assert "the disk is full" in run.fails("compile", skirt, "-o", "/dev/full")
+def test_full_disk(run: CommandLine, top: Path) -> None:
+    assert "the disk is full" in run.fails("compile", top, "-o", "/dev/full")
 
 
 @pytest.mark.parametrize("command", [["inspect"], ["validate"], ["pose", "-o", "a.obj"]])
@@ -261,7 +261,7 @@ def test_glb_that_is_none(
 
 
 def test_unexpected_failures_of_the_machine_are_told_in_one_line(
-    run: CommandLine, skirt: Path, output: Path, monkeypatch: pytest.MonkeyPatch
+    run: CommandLine, top: Path, output: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from garmentc import pipeline
 
@@ -275,17 +275,17 @@ def test_unexpected_failures_of_the_machine_are_told_in_one_line(
             raise error
 
         monkeypatch.setattr(pipeline, "weld", fail)
-        assert message in run.fails("compile", skirt, "-o", output)
+        assert message in run.fails("compile", top, "-o", output)
 
 
 def test_a_bug_still_shows_its_traceback(
-    run: CommandLine, skirt: Path, output: Path, monkeypatch: pytest.MonkeyPatch
+    run: CommandLine, top: Path, output: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from garmentc import pipeline
 
     monkeypatch.setattr(pipeline, "weld", lambda outfit: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        run("compile", skirt, "-o", output)
+        run("compile", top, "-o", output)
 
 
 def test_a_reader_that_leaves_early_is_no_failure() -> None:

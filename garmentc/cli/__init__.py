@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from types import FrameType
 
 import click
 
 from garmentc import __version__
-from garmentc.cli.exit_codes import EXIT_CLEAN, EXIT_FAILURE, EXIT_INTERRUPTED
+from garmentc.cli.exit_codes import EXIT_CLEAN, EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_TERMINATED
 from garmentc.cli.printing import print_error
 from garmentc.errors import GarmentcError
 
@@ -53,14 +55,23 @@ def commands() -> None:
     """
 
 
+class _Terminated(BaseException):
+    """SIGTERM: unwinds the stack, so that files half-written are removed."""
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise _Terminated
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code. Nothing that a user can cause ends in a traceback."""
+    signal.signal(signal.SIGTERM, _terminate)
     try:
         result = commands.main(args=arguments, prog_name="garmentc", standalone_mode=False)
         sys.stdout.flush()
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, click.Abort, _Terminated) as interruption:
         print_error("interrupted; no output file was changed")
-        return EXIT_INTERRUPTED
+        return EXIT_TERMINATED if isinstance(interruption, _Terminated) else EXIT_INTERRUPTED
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
     except click.ClickException as error:

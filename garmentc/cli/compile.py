@@ -14,7 +14,7 @@ from garmentc.cli.printing import file_size, print_json, print_warnings, progres
 from garmentc.options import CompileOptions
 
 if TYPE_CHECKING:
-    from garmentc.report import CompileReport
+    from garmentc.report import CompileReport, RigFacts
 
 
 def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
@@ -88,7 +88,12 @@ def _summary(report: CompileReport) -> str:
         ("outfit", f"{report.outfit.vertices} vertices, {report.outfit.triangles} triangles"),
         *((f"motion {motion.name}", f"{motion.frames} frames at {motion.fps:g} fps") for motion in report.motions),
         *((step.name, f"{step.detail}; {step.error}" if step.error else step.detail) for step in report.passes),
+        *([("keyframes", _keyframes(rig))] if report.motions else []),
         ("rig", f"{rig.joints} joints, {rig.influences} influences, {rig.morphs} morph targets"),
         (output.path, f"{file_size(output.bytes)} in {report.seconds:.1f} s"),
     ]
     return table(rows)
+
+
+def _keyframes(rig: RigFacts) -> str:
+    return f"{rig.keyframes} of {rig.all_keyframes} kept; {rig.keyframe_error_mm:.3f} mm max"

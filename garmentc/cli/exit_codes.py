@@ -5,3 +5,4 @@ EXIT_FINDINGS = 1
 """`diff` found a difference, `validate` a fault."""
 EXIT_FAILURE = 2
 EXIT_INTERRUPTED = 130
+EXIT_TERMINATED = 143

@@ -14,12 +14,13 @@ from garmentc.cli.printing import print_json
 
 @click.command("validate")
 @click.argument("glb", type=PATH, metavar="ASSET.glb")
+@click.option("--strict", is_flag=True, help="Let warnings count as errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="Print findings only.")
-def command(glb: Path, as_json: bool, quiet: bool) -> int:
+def command(glb: Path, strict: bool, as_json: bool, quiet: bool) -> int:
     """Check ASSET.glb for what the Khronos validator cannot see: skin, morphs, pose keys, animation.
 
-    Exits with 1 where there is a finding.
+    Exits with 1 where there is an error; with --strict, a warning is enough.
     """
     from garmentc.gltf.read import read_glb
     from garmentc.gltf.validate import validate_glb
@@ -32,4 +33,5 @@ def command(glb: Path, as_json: bool, quiet: bool) -> int:
             click.echo(f"{glb}: {finding}")
         if not findings and not quiet:
             click.echo(f"{glb}: no findings")
-    return EXIT_FINDINGS if findings else EXIT_CLEAN
+    counted = [finding for finding in findings if strict or finding.severity == "error"]
+    return EXIT_FINDINGS if counted else EXIT_CLEAN
