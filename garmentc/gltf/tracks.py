@@ -43,7 +43,7 @@ def clip_tracks(clip: Clip, rig: Rig, root: NDArray[Any], tolerance: float) -> t
     """
     tracks = []
     weights = rig.pose_keys(clip.motion.poses.astype(np.float64)) if clip.keys is None else clip.keys
-    sizes = np.array([float(np.linalg.norm(shape, axis=1).max()) for shape in rig.blend_shapes])
+    sizes = np.array([largest_row(shape) for shape in rig.blend_shapes])
     quaternions = continuous(axis_angle_to_quaternion(clip.motion.poses.astype(np.float64)))
     reach = joint_reach(rig, swell=float((np.abs(weights) @ sizes).max()))
     for joint in range(JOINT_COUNT):
@@ -127,6 +127,11 @@ def rotation_angle(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(4 * np.arcsin(np.minimum(1, np.linalg.norm(a - sign * b, axis=-1) / 2)))
 
 
+def largest_row(rows: NDArray[Any]) -> float:
+    """The largest Euclidean length of rows (n, 3)."""
+    return float(np.sqrt(np.einsum("ni,ni->n", rows, rows).max()))
+
+
 def _distance(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.linalg.norm(a - b, axis=-1))
 
@@ -144,7 +149,7 @@ def joint_reach(rig: Rig, swell: float) -> NDArray[np.float64]:
     for joint in range(JOINT_COUNT):
         pulled = rig.template[rig.weights[:, joint] > 0]
         if len(pulled):
-            reach[joint] = max(0.1, float(np.linalg.norm(pulled - joints[joint], axis=1).max()) + swell)
+            reach[joint] = max(0.1, largest_row(pulled - joints[joint]) + swell)
     for joint in range(JOINT_COUNT - 1, 0, -1):  # children come after their parents
         parent, bone = PARENTS[joint], float(np.linalg.norm(joints[joint] - joints[PARENTS[joint]]))
         reach[parent] = max(reach[parent], reach[joint] + bone)
