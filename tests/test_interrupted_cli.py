@@ -39,14 +39,14 @@ def test_an_earlier_output_stays_whole(tmp_path: Path, number: signal.Signals) -
     if number is signal.SIGKILL:
         assert result.returncode == -signal.SIGKILL
         return
-    assert result.returncode == (130 if number is signal.SIGINT else 143)
+    assert result.returncode == 128 + number
     assert result.stderr == "garmentc: error: interrupted; no output file was changed\n"
     assert not list(tmp_path.glob(".*.tmp"))
 
 
-def test_interrupted_at_the_start(tmp_path: Path) -> None:
-    script = "import os, signal; from garmentc.cli import main, commands; import sys\n"
+def test_interrupted_at_the_start() -> None:
+    script = "import os, signal, sys; from garmentc.cli import main, commands\n"
     script += "commands.main = lambda **_: os.kill(os.getpid(), signal.SIGINT)\nsys.exit(main([]))"
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert result.returncode == 130
-    assert result.stderr.count("\n") == 1
+    assert result.stderr == "garmentc: error: interrupted; no output file was changed\n"

@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from types import FrameType
 
 import click
 
 from garmentc import __version__
-from garmentc.cli.exit_codes import EXIT_CLEAN, EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_TERMINATED
+from garmentc.cli.exit_codes import EXIT_CLEAN, EXIT_FAILURE
 from garmentc.cli.printing import print_error
 from garmentc.errors import GarmentcError
 
@@ -55,23 +56,39 @@ def commands() -> None:
     """
 
 
-class _Terminated(BaseException):
-    """SIGTERM: unwinds the stack, so that files half-written are removed."""
+class Interrupted(BaseException):
+    """Ctrl-C or a polite kill: unwinds the stack, so that half-written files are removed."""
+
+    def __init__(self, signal_number: int) -> None:
+        super().__init__(signal_number)
+        self.exit_code = 128 + signal_number
 
 
-def _terminate(number: int, frame: FrameType | None) -> None:
-    raise _Terminated
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Within, SIGINT and SIGTERM raise Interrupted, unless they are ignored."""
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise Interrupted(number)
+
+    numbers = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) != signal.SIG_IGN]
+    former = [signal.signal(number, interrupt) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, former, strict=True):
+            signal.signal(number, handler)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code. Nothing that a user can cause ends in a traceback."""
-    signal.signal(signal.SIGTERM, _terminate)
     try:
-        result = commands.main(args=arguments, prog_name="garmentc", standalone_mode=False)
-        sys.stdout.flush()
-    except (KeyboardInterrupt, click.Abort, _Terminated) as interruption:
+        with _interruptible():
+            result = commands.main(args=arguments, prog_name="garmentc", standalone_mode=False)
+            sys.stdout.flush()
+    except Interrupted as interruption:
         print_error("interrupted; no output file was changed")
-        return EXIT_TERMINATED if isinstance(interruption, _Terminated) else EXIT_INTERRUPTED
+        return interruption.exit_code
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
     except click.ClickException as error:

@@ -4,5 +4,4 @@ EXIT_CLEAN = 0
 EXIT_FINDINGS = 1
 """`diff` found a difference, `validate` a fault."""
 EXIT_FAILURE = 2
-EXIT_INTERRUPTED = 130
-EXIT_TERMINATED = 143
+"""Anything else went wrong. An interrupted command has 128 + the signal: 130 for Ctrl-C."""
