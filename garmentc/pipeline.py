@@ -30,6 +30,7 @@ from garmentc.passes.limit_influences import LimitInfluences, limit_influences
 from garmentc.passes.morph_normals import MorphNormals, morph_normals
 from garmentc.passes.pose_set import PoseSet, plausible_poses
 from garmentc.passes.prune_morphs import PruneMorphs, prune_morphs
+from garmentc.passes.quantize import Quantize, quantize
 from garmentc.passes.reduce_blend_shapes import ReduceBlendShapes, reduce_blend_shapes
 from garmentc.passes.report import PassReport
 from garmentc.passes.resolve_collisions import ResolveCollisions, resolve_collisions
@@ -151,16 +152,21 @@ def passes(options: CompileOptions, body: BodyModel, betas: NDArray[Any] | None)
     """The passes, in the order in which they run."""
     settings = options.settings
     reduction = ReduceBlendShapes(None if options.morph_tolerance else settings.morphs, options.morph_tolerance)
-    return (
+    invisible = PruneMorphs() if settings.sparse == "auto" else PruneMorphs(threshold=0)
+    steps: list[Pass] = [
         lambda rig, poses: limit_influences(rig, LimitInfluences(settings.influences), poses),
         lambda rig, poses: reduce_blend_shapes(rig, reduction, poses),
         # Sees the weights and keys that will be used, and changes shapes only.
         lambda rig, poses: resolve_collisions(rig, ResolveCollisions(), poses, body, betas),
         # Whatever mixes or adds to shapes fills their zeros.
-        lambda rig, poses: prune_morphs(rig, PruneMorphs(threshold=0 if settings.sparse == "never" else 2e-5), poses),
+        lambda rig, poses: prune_morphs(rig, invisible, poses),
         # Follow from the final shapes.
         lambda rig, poses: morph_normals(rig, MorphNormals(), poses),
-    )
+    ]
+    if settings.quantize:
+        # Only measures: the back end rounds, once.
+        steps.append(lambda rig, poses: quantize(rig, Quantize(settings.influences), poses))
+    return tuple(steps)
 
 
 def optimise(rig: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Rig, tuple[PassReport, ...]]:
