@@ -10,20 +10,19 @@ from numpy.typing import NDArray
 from garmentc.gltf.accessors import AccessorWriter
 from garmentc.gltf.asset import Asset
 from garmentc.gltf.positions import PositionCodec
-from garmentc.gltf.skin import Influences, add_influences
+from garmentc.gltf.skin import add_influences, largest_influences
 from garmentc.gltf.tangents import vertex_tangents
 from garmentc.outfit.corners import CornerPrimitive
 
 
-def add_mesh(
-    writer: AccessorWriter, asset: Asset, codec: PositionCodec, influences: Influences, materials: dict[int, int]
-) -> int:
+def add_mesh(writer: AccessorWriter, asset: Asset, codec: PositionCodec, materials: dict[int, int]) -> int:
     """Add the one mesh of the asset; returns its index.
 
     materials  index of each used material in the document
     """
     from pygltflib import Mesh
 
+    influences = largest_influences(asset.rig.weights, asset.options.influences)
     primitives = [
         _add_primitive(writer, asset, codec, primitive, influences, materials[primitive.material])
         for primitive in asset.primitives
@@ -41,7 +40,7 @@ def _add_primitive(
     asset: Asset,
     codec: PositionCodec,
     corners: CornerPrimitive,
-    influences: Influences,
+    influences: tuple[NDArray[np.uint8], NDArray[np.float64]],
     material: int,
 ) -> Any:
     from pygltflib import Attributes, Primitive
@@ -61,7 +60,8 @@ def _add_primitive(
         attributes.TANGENT = writer.attribute(tangents, normalized=quantize, label="the tangents")
     if corners.colors is not None:
         attributes.COLOR_0 = writer.attribute(_colors(corners.colors), normalized=True, label="the vertex colours")
-    add_influences(writer, attributes, influences, corners.vertices, quantize)
+    joints, weights = influences
+    add_influences(writer, attributes, joints[corners.vertices], weights[corners.vertices], quantize)
     return Primitive(
         attributes=attributes,
         targets=[_add_target(writer, asset, codec, corners, morph) for morph in range(asset.rig.morph_count)],

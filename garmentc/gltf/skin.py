@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -51,34 +50,31 @@ def add_skin(writer: AccessorWriter, nodes: list[int], joints: NDArray[Any], deq
     return len(writer.document.skins) - 1
 
 
-@dataclass(frozen=True)
-class Influences:
-    """The joints that pull each vertex, largest weight first.
+def largest_influences(weights: NDArray[Any], count: int) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """The `count` largest blend weights of each vertex, largest first, scaled to sum to 1, and their joints.
 
-    joints    (N, K)
-    weights   (N, K), rows sum to 1
-    left_out  the largest share of a vertex's weight that was more than K joints'
+    weights  (N, 24)
+    returns  joints (N, count) and weights (N, count)
     """
-
-    joints: NDArray[np.uint8]
-    weights: NDArray[np.float64]
-    left_out: float
-
-
-def largest_influences(weights: NDArray[Any], count: int) -> Influences:
-    """The `count` largest blend weights of each vertex. `weights` is (N, 24)."""
     joints = np.empty((len(weights), count), dtype=np.uint8)
     largest = np.empty((len(weights), count))
-    left_out = 0.0
     for start in range(0, len(weights), _BLOCK):
         block = weights[start : start + _BLOCK].astype(np.float64)
         order = np.argsort(-block, axis=1, kind="stable")[:, :count]
         kept = np.take_along_axis(block, order, axis=1)
         joints[start : start + _BLOCK] = order
-        total = kept.sum(axis=1, keepdims=True)
-        largest[start : start + _BLOCK] = kept / total
-        left_out = max(left_out, float((1 - total[:, 0] / block.sum(axis=1)).max()))
-    return Influences(joints, largest, left_out)
+        largest[start : start + _BLOCK] = kept / kept.sum(axis=1, keepdims=True)
+    return joints, largest
+
+
+def left_out_share(weights: NDArray[Any], count: int) -> float:
+    """The largest share of a vertex's blend weights (N, 24) that is not among its `count` largest."""
+    share = 0.0
+    for start in range(0, len(weights), _BLOCK):
+        block = weights[start : start + _BLOCK].astype(np.float64)
+        smaller = np.partition(block, -count, axis=1)[:, :-count]
+        share = max(share, float((smaller.sum(axis=1) / block.sum(axis=1)).max()))
+    return share
 
 
 def to_unorm16(weights: NDArray[np.float64]) -> NDArray[np.uint16]:
@@ -93,15 +89,11 @@ def to_unorm16(weights: NDArray[np.float64]) -> NDArray[np.uint16]:
 
 
 def add_influences(
-    writer: AccessorWriter, attributes: Any, influences: Influences, vertices: NDArray[np.int32], quantize: bool
+    writer: AccessorWriter, attributes: Any, joints: NDArray[np.uint8], weights: NDArray[np.float64], quantize: bool
 ) -> None:
-    """Write JOINTS_0/WEIGHTS_0, and further sets of four, of `vertices` (S,) into `attributes`.
-
-    The joint is 0 where the weight is 0.
-    """
-    weights = influences.weights[vertices]
+    """Write JOINTS_0/WEIGHTS_0, and further sets of four, into `attributes`; joint 0 where the weight is 0."""
     stored = to_unorm16(weights) if quantize else weights.astype(np.float32)
-    used = np.where(stored > 0, influences.joints[vertices], 0).astype(np.uint8)
+    used = np.where(stored > 0, joints, 0).astype(np.uint8)
     for index in range(weights.shape[1] // 4):
         columns = slice(4 * index, 4 * index + 4)
         joint_set = writer.attribute(used[:, columns], label="the joints")

@@ -16,7 +16,7 @@ from garmentc.gltf.glb import glb_writer
 from garmentc.gltf.materials import MaterialWriter
 from garmentc.gltf.positions import position_codec
 from garmentc.gltf.primitives import add_mesh
-from garmentc.gltf.skin import Influences, add_joints, add_skin, largest_influences, on_grid
+from garmentc.gltf.skin import add_joints, add_skin, left_out_share, on_grid
 from garmentc.gltf.track_error import keyframe_error
 from garmentc.gltf.tracks import Track, clip_tracks
 
@@ -48,26 +48,26 @@ def write_glb(asset: Asset, path: str | os.PathLike[str]) -> WrittenGlb:
     Raises GarmentcError where the file cannot be written, or where the rig holds NaN.
     """
     root = on_grid(asset.rig.joints)[0]
-    influences = largest_influences(asset.rig.weights, asset.options.influences)
     clips = [(clip, clip_tracks(clip, asset.rig, root, asset.options.key_tolerance)) for clip in asset.clips]
     with glb_writer(path) as (document, chunk):
-        _fill(document, AccessorWriter(document, chunk), asset, influences, clips)
+        _fill(document, AccessorWriter(document, chunk), asset, clips)
     return WrittenGlb(
         path=Path(path),
         bytes=Path(path).stat().st_size,
         keyframes=sum(len(track.frames) for _, tracks in clips for track in tracks),
         all_keyframes=sum(len(clip.motion) * len(tracks) for clip, tracks in clips),
         keyframe_error=max((keyframe_error(clip, asset.rig, tracks, root) for clip, tracks in clips), default=0.0),
-        warnings=_warnings(asset, influences),
+        warnings=_warnings(asset),
     )
 
 
-def _warnings(asset: Asset, influences: Influences) -> tuple[Diagnostic, ...]:
-    if influences.left_out < 1e-6:
+def _warnings(asset: Asset) -> tuple[Diagnostic, ...]:
+    left_out = left_out_share(asset.rig.weights, asset.options.influences)
+    if left_out < 1e-6:
         return ()
     message = (
         f"some vertices are pulled by more than {asset.options.influences} joints; "
-        f"up to {influences.left_out:.1%} of a vertex's weight was left out"
+        f"up to {left_out:.1%} of a vertex's weight was left out"
     )
     return (Diagnostic("influences-left-out", message),)
 
@@ -76,7 +76,6 @@ def _fill(
     document: Any,
     writer: AccessorWriter,
     asset: Asset,
-    influences: Influences,
     clips: list[tuple[Clip, tuple[Track, ...]]],
 ) -> None:
     from pygltflib import Asset as GltfAsset
@@ -91,7 +90,7 @@ def _fill(
         primitive.material: materials.add(asset.materials[primitive.material], primitive.texcoords is not None)
         for primitive in asset.primitives
     }
-    mesh = add_mesh(writer, asset, codec, influences, used)
+    mesh = add_mesh(writer, asset, codec, used)
     skin = add_skin(writer, joints, asset.rig.joints, codec.matrix)
     mesh_node = _add_node(document, Node(name=asset.name, mesh=mesh, skin=skin))
     document.scenes = [Scene(nodes=[armature, mesh_node])]  # a skinned mesh belongs at the root (section 3.7.3.3)
