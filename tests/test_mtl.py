@@ -42,7 +42,7 @@ WRITTEN_ODDLY = {
     "bom": "\ufeffnewmtl a b\nKd 0.1 0.2 0.3\nd 0.5",
     "indented": "\n\t newmtl  a b  \n\t\tKd\t0.1 0.2\t0.3 # c\n  d -halo 0.5\n",
     "continued": "newmtl a b\nKd 0.1 \\\n 0.2 0.3\nd 0.5\n",
-    "noise": "# head\nKd 9 9 9\nnewmtl a b\nillum 2\nfancy 1 2\nKd 0.1 0.2 0.3\nKs spectral file.rfl 1\nmap_Kd\nd 0.5\n",
+    "noise": "# a\nKd 9 9 9\nnewmtl a b\nillum 2\nfancy 1 2\nKd 0.1 0.2 0.3\nKs spectral f.rfl 1\nmap_Kd\nd 0.5\n",
 }
 
 

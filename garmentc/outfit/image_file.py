@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,7 +18,7 @@ from garmentc.errors import GarmentcError
 if TYPE_CHECKING:
     from PIL import Image
 
-_FORMATS = ("PNG", "JPEG", "MPO", "TGA", "BMP", "TIFF", "WEBP", "GIF", "PPM", "DDS", "PSD", "SGI", "PCX")
+_FORMATS = ("PNG", "JPEG", "TGA", "BMP", "TIFF", "WEBP", "GIF", "PPM", "DDS", "PSD", "SGI", "PCX")
 """What Pillow may decode; not EPS and its like, which run other programs."""
 
 
@@ -38,14 +40,10 @@ class LoadedImage:
         return "transparency" in self.pixels().info
 
     def pixels(self) -> Image.Image:
-        """The decoded image."""
-        from PIL import Image
-
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            image = Image.open(io.BytesIO(self.data), formats=_FORMATS)
+        """The decoded image. Raises GarmentcError where the file is damaged."""
+        with _opened(self.path, self.data) as image:
             image.load()
-        return image
+            return image
 
 
 def load_image(path: Path) -> LoadedImage:
@@ -54,29 +52,35 @@ def load_image(path: Path) -> LoadedImage:
     Raises GarmentcError for a file that cannot be read, is no image of a known format, is damaged or cut short, or
     would unpack to more pixels than Pillow allows (a decompression bomb).
     """
-    from PIL import Image, UnidentifiedImageError
-
     try:
         data = path.read_bytes()
     except OSError as error:
         raise GarmentcError(f"texture cannot be read: {error.strerror}", path) from None
+    with _opened(path, data) as image:
+        loaded = LoadedImage(path, data, str(image.format), image.mode, image.size)
+        if image.format == "PNG":
+            image.verify()  # all checksums; nothing is unpacked
+        else:
+            image.draft("RGB", (64, 64))  # a JPEG's stream is read to its end, most of its work left out
+            image.load()
+    return loaded
+
+
+@contextmanager
+def _opened(path: Path, data: bytes) -> Iterator[Image.Image]:
+    """Pillow's image of `data`; what goes wrong with it within the block becomes a GarmentcError."""
+    from PIL import Image, UnidentifiedImageError
+
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            image = Image.open(io.BytesIO(data), formats=_FORMATS)
-            loaded = LoadedImage(path, data, str(image.format), image.mode, image.size)
-            if image.format == "PNG":
-                image.verify()  # all checksums; nothing is unpacked
-            else:
-                image.draft("RGB", (64, 64))  # a JPEG's stream is read to its end, most of its work left out
-                image.load()
+            warnings.simplefilter("ignore")  # Pillow's word on odd files, and on large ones it still takes
+            yield Image.open(io.BytesIO(data), formats=_FORMATS)
     except Image.DecompressionBombError:
         raise GarmentcError("texture has too many pixels; scale it down to 8192 x 8192 or less", path) from None
     except UnidentifiedImageError:
         raise GarmentcError("texture is no image of a known format; convert it to PNG or JPEG", path) from None
     except Exception as error:  # Pillow's decoders raise whatever a damaged file provokes
         raise GarmentcError(f"texture is damaged ({error}); export it again", path) from None
-    return loaded
 
 
 def plain(image: Image.Image) -> Image.Image:
