@@ -9,7 +9,7 @@ the wanted density, cut at its hems, and pushed to a safe distance from the body
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from garmentc.simulation.hems import split_at, trim
 from garmentc.simulation.layers import push_from_body, separate
 from garmentc.simulation.outfit_parameters import CATEGORIES, GarmentParameters, OutfitParameters
 from garmentc.simulation.outfit_sampling import sample_parameters
-from garmentc.simulation.patterns import Pattern, make_pattern
+from garmentc.simulation.patterns import Pattern, keep_function, make_pattern
 from garmentc.simulation.remeshing import Reference, even_out, relax, row_mesh, split_quads, triangle_mesh
 from garmentc.simulation.slivers import mend_slivers
 from garmentc.simulation.surface import (
@@ -89,7 +89,7 @@ def generate_outfit(parameters: OutfitParameters, body: BodyModel) -> GeneratedO
     pieces = []
     for surface, area in zip(dense, areas, strict=True):
         count = max(round(parameters.vertex_count * area / sum(areas)), 60)
-        vertices, faces = _cloth(surface, count, parameters.seed)
+        vertices, faces = _cloth(surface, rest, count, parameters.seed)
         pieces.append((push_from_body(vertices, faces, rest), faces))
     pieces = separate(pieces, rest)
     start = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
@@ -148,15 +148,19 @@ def _dense_surface(body: RestBody, pattern: Pattern, garment: GarmentParameters,
     return _Dense(pattern, garment, grid, values, vertices, faces)
 
 
-def _cloth(dense: _Dense, count: int, seed: int) -> tuple[Array, Faces]:
+def _cloth(dense: _Dense, body: RestBody, count: int, seed: int) -> tuple[Array, Faces]:
     """Tessellate, cut and even out one garment.
 
     Where a tessellation is not manifold, it is tried again with other cells.
     """
-    pattern, area, brim = dense.pattern, dense.area, dense.garment.brim
+    area, brim = dense.area, dense.garment.brim
     count = round(count * area / (area + brim * (0.6 + np.pi * brim)))  # a brim takes its share
     length = float(np.sqrt(area / count / 0.866))
-    vertices, faces = split_at(dense.vertices, dense.faces, pattern.keep(dense.vertices) + 1.5 * length)
+    keep = dense.pattern.keep
+    if 0 < dense.garment.opening < length:
+        # An opening narrower than an edge could not be cut.
+        keep = keep_function(body, replace(dense.garment, opening=length))
+    vertices, faces = split_at(dense.vertices, dense.faces, keep(dense.vertices) + 1.5 * length)
     reference = Reference(vertices, faces, length)
     for attempt in range(8):
         if dense.garment.tessellation == "rows" and length < _COARSEST_ROWS and attempt < 4:
@@ -168,12 +172,12 @@ def _cloth(dense: _Dense, count: int, seed: int) -> tuple[Array, Faces]:
             fresh, triangles = triangle_mesh(vertices, faces, round(count * total / area), dense.garment.stretch, rng)
             fresh = reference.project(fresh, vertex_normals(fresh, triangles))
             reach = np.inf
-        fresh, triangles = _largest_pieces(*trim(fresh, triangles, pattern.keep, length))
+        fresh, triangles = _largest_pieces(*trim(fresh, triangles, keep, length))
         if not non_manifold(triangles):
             break
     else:
         raise ValueError(f"outfit {seed}: no manifold mesh with {count} vertices; ask for more")
-    fresh, triangles = mend_slivers(relax(fresh, triangles, pattern.keep, reference, reach), triangles)
+    fresh, triangles = mend_slivers(relax(fresh, triangles, keep, reference, reach), triangles)
     if brim > 0:
         fresh, triangles = add_brim(fresh, triangles, brim, length)
     return fresh, triangles

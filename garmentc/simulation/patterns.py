@@ -41,13 +41,10 @@ class Pattern:
 
 def make_pattern(body: RestBody, garment: GarmentParameters) -> Pattern:
     """The pattern of one garment on one body."""
-    cuts = CUTS[garment.kind](body, garment)
     lofts = LOFTS[garment.kind](body, garment) if garment.kind in LOFTS else []
+    keep = keep_function(body, garment)
     wrinkle = _wrinkles(garment)
     split = body.crotch if garment.kind in ("trousers", "jumpsuit") else None
-
-    def keep(points: Array) -> Array:
-        return np.asarray(np.minimum.reduce([cut(points) for cut in cuts]))
 
     def solid(points: Array, distance: Array) -> Array:
         wrinkled = wrinkle(points)
@@ -60,6 +57,16 @@ def make_pattern(body: RestBody, garment: GarmentParameters) -> Pattern:
         return value
 
     return Pattern(garment.kind, solid, keep, _bounds(body, garment, keep, lofts), split)
+
+
+def keep_function(body: RestBody, garment: GarmentParameters) -> Field:
+    """The smallest of the garment's cut functions."""
+    cuts = CUTS[garment.kind](body, garment)
+
+    def keep(points: Array) -> Array:
+        return np.asarray(np.minimum.reduce([cut(points) for cut in cuts]))
+
+    return keep
 
 
 def _bounds(body: RestBody, garment: GarmentParameters, keep: Field, lofts: list[Loft]) -> Array:
