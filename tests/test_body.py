@@ -117,7 +117,11 @@ def test_correctives_sparse_and_dense_agree() -> None:
     dense = random.normal(size=(40, 3, 207)) * (random.random((40, 1, 207)) < 0.05)
     sparse = PoseCorrectives.from_dense(dense)
     np.testing.assert_array_equal(sparse.dense(40), dense)
-    rotations = Rotation.random(24 * 6, rng=2).as_matrix().reshape(2, 3, 24, 3, 3)
+    rotations = (
+        Rotation.from_rotvec(np.random.default_rng(2).normal(scale=2, size=(24 * 6, 3)))
+        .as_matrix()
+        .reshape(2, 3, 24, 3, 3)
+    )
     vertices = np.zeros((2, 3, 40, 3))
     sparse.add_to(vertices, rotations)
     features = (rotations - np.eye(3))[..., 1:, :, :].reshape(2, 3, 207)
@@ -200,7 +204,11 @@ def test_half_turns() -> None:
 def test_skinning_batches() -> None:
     """Batched and single evaluation agree, whatever is batched."""
     random = np.random.default_rng(6)
-    rotations = Rotation.random(24 * 3, rng=7).as_matrix().reshape(3, 24, 3, 3)
+    rotations = (
+        Rotation.from_rotvec(np.random.default_rng(7).normal(scale=2, size=(24 * 3, 3)))
+        .as_matrix()
+        .reshape(3, 24, 3, 3)
+    )
     joints, vertices = random.normal(size=(24, 3)), random.normal(size=(10, 3))
     weights = random.dirichlet(np.ones(24), 10)
     trans = random.normal(size=(3, 3))
