@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 
 import pytest
@@ -239,6 +240,41 @@ def test_external_libraries_may_be_allowed(tmp_path: Path) -> None:
     (folder / "a.obj").write_text(f"mtllib ../b.mtl\n{TRIANGLE}usemtl m\nf 1 2 3\n")
     read = read_obj(folder / "a.obj", allow_external_textures=True)
     assert read.materials[0].base_color == (1, 0, 0, 1)
+
+
+MTL_PIECES = (
+    b"-s",
+    b" ",
+    b"\n",
+    b"../",
+    b"\\",
+    b"#",
+    b"nan",
+    b"1e9",
+    b"newmtl ",
+    b"map_Kd ",
+    b"Kd ",
+    b"\xff",
+    b'"',
+    b"/",
+)
+
+
+def test_damaged_libraries_raise_nothing_but_garmentc_errors(tmp_path: Path) -> None:
+    whole = b"newmtl m\nKd 1 0.5 0\nNs 5\nmap_Kd -s 2 2 1 -o .5 a b.png\nbump -bm 2 c.png\nd 0.5\nnewmtl n\nTr 1\n"
+    for seed in range(400):
+        chance = random.Random(seed)
+        data = bytearray(whole)
+        for _ in range(chance.randint(1, 6)):
+            at = chance.randrange(len(data))
+            data[at : at + chance.choice((0, 0, 1, 5))] = chance.choice(MTL_PIECES)
+        (tmp_path / "a.mtl").write_bytes(bytes(data))
+        try:
+            made, _ = load_materials(tmp_path / "a.obj", [Library("a.mtl", 1)], ["m", "n"])
+        except GarmentcError as error:
+            assert error.file == tmp_path / "a.mtl"  # noqa: PT017
+        else:
+            assert all(0 <= value <= 1 for m in made for value in (*m.base_color, m.roughness, m.metallic))
 
 
 def test_corpus_materials(shared: Path) -> None:

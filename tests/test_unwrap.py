@@ -41,7 +41,7 @@ def test_charts_do_not_overlap() -> None:
     unwrapped = unwrap(sphere())
     areas = uv_areas(unwrapped)
     assert (np.sign(areas) == np.sign(areas[0])).all()
-    side = 512
+    side = 256
     xy = (np.stack(np.meshgrid(np.arange(side), np.arange(side)), -1).reshape(-1, 2) + 0.5) / side
     hits = np.zeros(len(xy), int)
     for triangle in unwrapped.tri_vt:

@@ -144,7 +144,9 @@ def _degenerate_warnings(
 ) -> list[Diagnostic]:
     if not len(degenerate):
         return []
-    message = f"{len(degenerate)} polygon(s) cross themselves or have no area; they were cut into a fan as they are"
+    message = (
+        f"{len(degenerate)} polygon(s) have no area, cross themselves or are too large to cut well; they became fans"
+    )
     return [Diagnostic("obj.degenerate-polygon", message, str(text.path), int(face_line[degenerate[0]]))]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,7 @@ _FLOAT_KEYWORDS = {"v": (3, 4, 6, 7), "vt": (1, 2, 3), "vn": (3,)}
 _LARGEST_INDEX = np.iinfo(np.int32).max
 
 
-@dataclass(frozen=True)
-class Statement:
+class Statement(NamedTuple):
     """A statement other than v, vt, vn and f: its keyword, its argument, its place, and the faces before it."""
 
     keyword: str

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 _FLAT = 1e-9
 """A triangle smaller than this part of its polygon has no area worth the name."""
 
+_MOST_CORNERS = 20_000
+"""Ear clipping takes quadratic time; no real polygon is larger."""
+
 _BATCH = 1 << 18
 """Corners treated at once: bounds the memory."""
 
@@ -26,7 +29,7 @@ def triangulate(
 
     points   (V, 3); corners (C,) indices into points; counts (P,) corners of each polygon, each at least 3
     returns  (F, 3) int32 indices into `corners`, n - 2 for a polygon with n corners, in polygon order;
-             (F,) int32 polygon of each triangle; and the polygons so degenerate that they were merely fanned
+             (F,) int32 polygon of each triangle; and the polygons so degenerate, or large, that they were merely fanned
     """
     starts = np.cumsum(counts, dtype=np.int64) - counts
     produced = counts - 2
@@ -106,7 +109,7 @@ def _ear_clip(outline: NDArray[np.float64]) -> NDArray[np.int32] | None:
     import mapbox_earcut
 
     normal, size = _unit(area_vectors(outline[None], _fan(len(outline))).sum(axis=1))
-    if not size[0] > 0:
+    if not size[0] > 0 or len(outline) > _MOST_CORNERS:
         return None
     least = np.eye(3)[np.argmin(np.abs(normal[0]))]
     x = np.cross(least, normal[0])
@@ -129,16 +132,21 @@ def _with_all_corners(triangles: NDArray[np.int64], count: int) -> NDArray[np.in
     used = sorted({corner for face in faces for corner in face})
     if len(used) < 3:
         return None
+    holder = {(face[k - 1], face[k]): (number, k) for number, face in enumerate(faces) for k in range(3)}
     for a, b in zip(used, [*used[1:], used[0]], strict=True):
         dropped = [(a + i) % count for i in range(1, (b - a) % count)]
         if not dropped:
             continue
-        edge = [(f, k) for f, face in enumerate(faces) for k in range(3) if (face[k], face[(k + 1) % 3]) == (a, b)]
-        if not edge:
+        if (a, b) not in holder:
             return None
-        f, k = edge[0]
-        apex = faces[f][(k + 2) % 3]
+        number, k = holder[a, b]
+        apex = faces[number][(k + 1) % 3]
         chain = [a, *dropped, b]
-        faces[f] = (chain[0], chain[1], apex)
-        faces += [(p, q, apex) for p, q in pairwise(chain[1:])]
+        pieces = [(p, q, apex) for p, q in pairwise(chain)]
+        faces[number] = pieces[0]
+        for piece in pieces[1:]:
+            holder[piece[1], piece[2]] = (len(faces), 2)
+            holder[piece[2], piece[0]] = (len(faces), 0)
+            faces.append(piece)
+        holder[apex, a] = (number, 0)
     return np.array(faces, dtype=np.int32) if len(faces) == count - 2 else None
