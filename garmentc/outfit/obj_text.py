@@ -35,10 +35,6 @@ class ObjText:
     data: bytes
     physical: bytes
 
-    @property
-    def has_continuations(self) -> bool:
-        return self.data is not self.physical
-
     def line_of(self, offset: int) -> int:
         """The 1-based line of the file that holds byte `offset`."""
         return self.physical.count(b"\n", 0, offset) + 1
