@@ -124,7 +124,9 @@ def align(
     if stance.pose is not None and stance.pose.any():
         aligned, weights = unpose(aligned, body.model, stance.pose, options.betas)
 
-    fit = measure_fit(aligned.vertices[np.unique(aligned.tri_v)], body.surface.vertices, body.model.faces, MEASURED)
+    used = np.zeros(len(aligned.vertices), dtype=bool)
+    used[aligned.tri_v] = True
+    fit = measure_fit(aligned.vertices[used], body.surface.vertices, body.model.faces, MEASURED)
     warnings = (*frame_warnings, *gender_warnings, *_fit_warnings(fit))
     return Alignment(
         outfit=aligned,

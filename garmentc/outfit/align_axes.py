@@ -95,6 +95,6 @@ def axes_prior(up: str, front: str) -> float:
     """How much worse than the usual axes these may fit and still be taken, as a factor above 1 for unusual ones."""
     if USUAL_FRONT.get(up) == front:
         return 1.0
-    if up in USUAL_FRONT and front[-1] == USUAL_FRONT[up][-1]:
-        return 1.15  # turned about
-    return 1.3
+    if up not in USUAL_FRONT:
+        return 1.5
+    return 1.15 if front[-1] == USUAL_FRONT[up][-1] else 1.3  # turned about, or sideways

@@ -13,7 +13,16 @@ from garmentc.outfit.align_axes import UNIT_NAMES, axis_pairs
 from garmentc.outfit.align_fit import ClothSample, misfit
 from garmentc.outfit.align_options import AlignOptions
 from garmentc.outfit.align_origin import BODY, FITTED, known_origins
-from garmentc.outfit.align_pose import TURNS, RestBody, Stance, a_pose, fit_stance
+from garmentc.outfit.align_pose import (
+    ALL_TURNS,
+    TURNS,
+    RestBody,
+    Stance,
+    a_pose,
+    fit_stance,
+    largest_turn,
+    wrapped_turns,
+)
 from garmentc.outfit.align_search import Guess, guess, known_stances, search_frames, turned_cloth
 
 UNCERTAIN = 1.15
@@ -22,19 +31,20 @@ UNCERTAIN = 1.15
 NEUTRAL = 1.05
 """The neutral body is taken where no other fits better by more than this factor."""
 
-NEARLY_STRAIGHT = np.radians(4)
+NEARLY_STRAIGHT = np.radians(1)
 """A fitted pose in which no joint turns further is the T-pose."""
 
 NEARBY = 0.05
 """Metres between a fitted origin and a known one that it may stand for."""
-
-POSE_POINTS = 300
 
 THIN = 3
 """Poses are fitted to every third vertex of the body."""
 
 FINALISTS = 4
 """Frames that are looked at closely."""
+
+HOPELESS = 3.0
+"""How much worse than the best frame one may look roughly, as a factor, to be looked at closely."""
 
 ARMS_DOWN = np.array([0.8 if name == "shoulder down" else 0.0 for name in TURNS])
 """A second start for the fit of A-poses, from which arms close to the sides are found."""
@@ -61,17 +71,19 @@ def choose_guesses(
             return as_is, ()
         if _touches(cloth, bodies, as_is) and not _fits_turned_about(cloth, bodies, as_is, options):
             best = _best(as_is)
-            if _fitted(cloth, bodies[best], as_is[best], options) is as_is[best]:
+            fitted = _fitted(cloth, bodies[best], as_is[best], options)
+            if fitted.stance.origin == BODY and not fitted.stance.angles.any():
                 return as_is, ()
-            return {gender: _fitted(cloth, body, as_is[gender], options) for gender, body in bodies.items()}, ()
+            return {gender: _fitted(cloth, body, fitted, options) for gender, body in bodies.items()}, ()
 
     reference = bodies.get("neutral", next(iter(bodies.values())))
-    rough = search_frames(cloth, reference.thinned(THIN).skin(options.given_pose), options)[:FINALISTS]
+    rough = search_frames(cloth, reference.thinned(THIN).skin(options.given_pose), options)
     if not rough:
         return _nothing_found(cloth, bodies, options)
+    rough = [start for start in rough[:FINALISTS] if start.cost < HOPELESS * rough[0].cost]
     known = [_known(cloth, bodies, (start.unit, start.up, start.front), options, options.origin) for start in rough]
     known.sort(key=lambda guesses: guesses[_best(guesses)].cost)
-    if _hugs(cloth, bodies, known[0], options):
+    if _hugs(cloth, bodies, known[0], options) and not _sits_better_moved(cloth, bodies, known[0], options):
         return known[0], _doubts([guesses[_best(guesses)] for guesses in known])
     found = sorted((_fitted(cloth, reference, start, options) for start in rough), key=lambda guess: guess.cost)
     return {gender: _fitted(cloth, body, found[0], options) for gender, body in bodies.items()}, _doubts(found)
@@ -116,7 +128,8 @@ def _hugs(
     if options.pose == "a":
         return False
     distance = _distance(cloth, bodies, guesses)
-    return bool((distance < -0.01).mean() < 0.02 and np.percentile(np.abs(distance), 97) < 0.08)
+    gap = np.abs(distance)
+    return bool((distance < -0.01).mean() < 0.02 and np.median(gap) < 0.04 and np.percentile(gap, 97) < 0.08)
 
 
 def _touches(cloth: ClothSample, bodies: Mapping[str, RestBody], guesses: Mapping[str, Guess]) -> bool:
@@ -134,28 +147,50 @@ def _fits_turned_about(
     return turned[_best(turned)].cost < as_is[_best(as_is)].cost
 
 
+def _sits_better_moved(
+    cloth: ClothSample, bodies: Mapping[str, RestBody], guesses: Mapping[str, Guess], options: AlignOptions
+) -> bool:
+    """True where a known origin is only near the true one, as the floor under soles is."""
+    best = _best(guesses)
+    known = guesses[best]
+    if options.origin != "auto" or known.stance.origin == BODY:
+        return False
+    there = turned_cloth(cloth, known.unit, known.up, known.front)
+    moved = fit_stance(there, bodies[best].thinned(THIN), replace(known.stance, origin=FITTED))
+    return guess(cloth, known.unit, known.up, known.front, _rescored(there, bodies[best], moved)).cost < known.cost
+
+
 def _fitted(cloth: ClothSample, body: RestBody, start: Guess, options: AlignOptions) -> Guess:
     """The best guess for `body` with the unit and axes of `start`: T-pose or A-pose, origin known or fitted.
 
-    `start` itself where it belongs to this body and nothing fits better.
+    The fits begin at the stance of `start`, which may have been found for another body.
     """
     there = turned_cloth(cloth, start.unit, start.up, start.front)
-    few, thin = there.thinned(POSE_POINTS), body.thinned(THIN)
+    thin = body.thinned(THIN)
     pose = options.given_pose
-    stances = [] if options.pose == "a" else known_stances(there, body.skin(pose), pose, options.origin)
     origin = FITTED if options.origin == "auto" else BODY
-    fitted = fit_stance(few, thin, Stance(pose, origin, start.stance.translation), turn=False)
+    straight = fit_stance(there, thin, Stance(pose, origin, start.stance.translation))
+    stances = [] if options.pose == "a" else [straight, *known_stances(there, body.skin(pose), pose, options.origin)]
     if options.fits_pose:
-        starts = (fitted, replace(fitted, pose=a_pose(ARMS_DOWN), angles=ARMS_DOWN, misfit=np.inf))
-        turned = min((fit_stance(few, thin, s, turn=True) for s in starts), key=lambda stance: stance.misfit)
-        if options.pose == "a" or np.abs(turned.angles).max() > NEARLY_STRAIGHT:
-            stances += _with_known_origins(few, thin, turned)
-    if options.pose != "a":
-        stances.append(fitted)
+        turned = _turned(there, thin, straight, start.stance)
+        if options.pose == "a" or largest_turn(turned.angles) > NEARLY_STRAIGHT:
+            stances += _with_known_origins(there, thin, turned)
     guesses = [guess(cloth, start.unit, start.up, start.front, _rescored(there, body, stance)) for stance in stances]
-    best = min(guesses, key=lambda candidate: candidate.cost)
-    unchanged = best.stance.pose is start.stance.pose and best.stance.origin == start.stance.origin != FITTED
-    return start if unchanged else best
+    return min(guesses, key=lambda candidate: candidate.cost)
+
+
+def _turned(cloth: ClothSample, body: RestBody, straight: Stance, start: Stance) -> Stance:
+    """The best fitted A-pose, from that of `start` if it has one. Limbs that the cloth doesn't wrap stay straight."""
+    starts = [start.angles] if start.angles.any() else [start.angles, ARMS_DOWN]
+    fits = [
+        fit_stance(cloth, body, replace(straight, pose=a_pose(angles), angles=angles), ALL_TURNS) for angles in starts
+    ]
+    best = min(fits, key=lambda stance: stance.misfit)
+    told = wrapped_turns(cloth, body, best)
+    if told.all():
+        return best
+    angles = np.where(told, best.angles, 0.0)
+    return fit_stance(cloth, body, replace(best, pose=a_pose(angles), angles=angles), told)
 
 
 def _with_known_origins(cloth: ClothSample, body: RestBody, fitted: Stance) -> list[Stance]:
@@ -167,7 +202,8 @@ def _with_known_origins(cloth: ClothSample, body: RestBody, fitted: Stance) -> l
         for name, translation in known_origins(body.skin(fitted.pose)).items()
         if np.linalg.norm(translation - fitted.translation) < NEARBY
     ]
-    return [fitted, *(fit_stance(cloth, body, replace(fitted, origin=name, misfit=np.inf), turn=True) for name in near)]
+    turns = fitted.angles != 0
+    return [fitted, *(fit_stance(cloth, body, replace(fitted, origin=name), turns) for name in near)]
 
 
 def _rescored(cloth: ClothSample, body: RestBody, stance: Stance) -> Stance:

@@ -7,15 +7,19 @@ points inside the body count several times and far points (skirts, hoods, brims)
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.smpl.nearest import nearest_vertex, signed_distance
+from garmentc.smpl.nearest import signed_distance
 
 INSIDE_COST = 4.0
 """A millimetre inside the body is as bad as this many outside."""
+
+EXPONENT = 0.7
+"""Of the power mean: the smaller, the less loose parts matter."""
 
 FAR = 0.25
 """Metres beyond which a point does not count more."""
@@ -91,25 +95,42 @@ class Skin:
         normals = around / np.maximum(np.linalg.norm(around, axis=1, keepdims=True), 1e-300)
         return cls(np.ascontiguousarray(vertices, dtype=np.float64), normals, np.sqrt(area / np.pi), joints)
 
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.vertices)
+
     def nearest(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """The vertices nearest to `points` (N, 3)."""
-        return nearest_vertex(points, self.vertices)
+        index: NDArray[np.int64] = self._tree.query(points)[1]
+        return index
 
-    def distance(self, points: NDArray[np.float64], nearest: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
-        """Signed distance of `points` (..., 3) to the disc of the nearest vertex, negative inside; a few mm exact."""
+    def height(self, points: NDArray[np.float64], nearest: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Signed distance (N,) of `points` (N, 3) to the disc of vertex `nearest` (N,), negative inside."""
+        offset = points - self.vertices[nearest]
+        up = np.einsum("ij,ij->i", offset, self.normals[nearest])
+        aside = np.sqrt(np.maximum(np.einsum("ij,ij->i", offset, offset) - up**2, 0))
+        return np.copysign(np.hypot(up, np.maximum(aside - self.radii[nearest], 0)), up)
+
+    def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signed distance of `points` (..., 3) to the skin, negative inside, right within millimetres; at most FAR."""
         flat = points.reshape(-1, 3)
-        nearest = self.nearest(flat) if nearest is None else nearest
-        offset = flat - self.vertices[nearest]
-        height = np.einsum("ij,ij->i", offset, self.normals[nearest])
-        aside = np.sqrt(np.maximum(np.einsum("ij,ij->i", offset, offset) - height**2, 0))
-        length = np.hypot(height, np.maximum(aside - self.radii[nearest], 0))
-        return np.copysign(length, height).reshape(points.shape[:-1])
+        distance = np.full(len(flat), FAR)
+        nearest = self._tree.query(flat, distance_upper_bound=FAR)[1]
+        near = np.flatnonzero(nearest < len(self.vertices))
+        distance[near] = np.minimum(self.height(flat[near], nearest[near]), FAR)
+        return distance.reshape(points.shape[:-1])
 
 
 def misfit(distance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean cost in metres of signed distances (..., S); returns (...,)."""
-    cost = np.where(distance > 0, distance, -INSIDE_COST * distance)
-    mean: NDArray[np.float64] = np.minimum(cost, FAR).mean(axis=-1)
+    """Power mean of signed distances (..., S), metres; returns (...,).
+
+    It favours what is close: a skirt is placed by its waistband, not by its hem. And it is a length, so that outfits
+    read in different units compare by misfit / size.
+    """
+    cost = np.minimum(np.where(distance > 0, distance, -INSIDE_COST * distance), FAR)
+    mean: NDArray[np.float64] = (cost**EXPONENT).mean(axis=-1) ** (1 / EXPONENT)
     return mean
 
 

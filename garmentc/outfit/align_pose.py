@@ -40,6 +40,27 @@ TURNS = {
     "knee bend": Turn(JOINT_NAMES.index("left_knee"), 0, 1, 0.1),
 }
 
+NO_TURNS, ALL_TURNS = (np.full(len(TURNS), fitted) for fitted in (False, True))
+
+_MOVED_BY = {
+    JOINT_NAMES.index(joint): np.array([JOINT_NAMES.index(name) for name in moved])
+    for joint, moved in {
+        "left_collar": ("left_shoulder", "left_elbow"),
+        "left_shoulder": ("left_shoulder", "left_elbow"),
+        "left_elbow": ("left_elbow",),
+        "left_hip": ("left_hip", "left_knee"),
+        "left_knee": ("left_knee",),
+    }.items()
+}
+"""The limbs whose cloth tells about the turn of a joint. Not the hands: wide skirts reach them."""
+
+WRAPPING_GAP = 0.05
+ONE_SIDED = 0.4
+FEW_POINTS = 8
+"""Cloth wraps a limb where it has so many points within this gap, in metres, and their mean normal is shorter."""
+
+ITERATIONS = 20
+
 EVIDENCE = 60
 """Independent observations that a sample of cloth is worth against `Turn.usual`: gaps of neighbouring points agree."""
 
@@ -48,6 +69,9 @@ GAP = 0.01
 
 OUTLIER = 0.03
 """Metres: points of the cloth further from the skin than this tell little about the limb inside (Cauchy weights)."""
+
+WIDENED, NARROWING = 4.0, 0.75
+"""The first iteration takes points so many times further for real, each later one fewer (graduated non-convexity)."""
 
 LONGEST_STEP = 0.25
 """Radians or metres that one iteration may change."""
@@ -60,6 +84,15 @@ def a_pose(angles: NDArray[np.float64]) -> NDArray[np.float64]:
         pose[turn.joint, turn.axis] = turn.sign * angle
     mirrored = pose[MIRROR] * [1, -1, -1]
     return pose + mirrored
+
+
+def largest_turn(angles: NDArray[np.float64]) -> float:
+    """Radians by which the limb that moved most has moved, given `angles` (7,); raised arms don't count.
+
+    Collar and shoulder count together: cloth cut for other shoulders turns them against each other.
+    """
+    collar, shoulder, *others = angles
+    return float(max(collar + shoulder, np.abs(others).max()))
 
 
 def arms_lowered(pose: NDArray[np.float64], joints: NDArray[Any]) -> float:
@@ -107,7 +140,7 @@ class RestBody:
         whole = self.surface
         radii = whole.radii[::step] * np.sqrt(step)
         thin = Skin(whole.vertices[::step].copy(), whole.normals[::step], radii, whole.joints)
-        return RestBody(self.model, thin, self.weights[::step])
+        return RestBody(self.model, thin, self.weights[::step].copy())
 
     def skin(self, pose: NDArray[np.float64] | None = None) -> Skin:
         """The skin in `pose` (24, 3), or in the T-pose."""
@@ -115,7 +148,8 @@ class RestBody:
             return self.surface
         rest = self.surface
         transforms = joint_transforms(axis_angle_to_matrix(pose), rest.joints)
-        blended = (self.weights @ transforms[:, :3, :].reshape(-1, 12)).reshape(-1, 3, 4)
+        # Not a matrix product: for so small a one, waking BLAS's threads takes longer than the sums.
+        blended = np.einsum("nj,jk->nk", self.weights, transforms[:, :3, :].reshape(-1, 12)).reshape(-1, 3, 4)
         vertices = np.einsum("nij,nj->ni", blended[..., :3], rest.vertices) + blended[..., 3]
         normals = unit_rows(np.einsum("nij,nj->ni", blended[..., :3], rest.normals))
         return Skin(vertices, normals, rest.radii, posed_joints(pose, rest.joints))
@@ -138,56 +172,83 @@ class Stance:
     angles: NDArray[np.float64] = field(default_factory=lambda: np.zeros(len(TURNS)))
 
 
-def fit_stance(cloth: ClothSample, body: RestBody, start: Stance, turn: bool, iterations: int = 20) -> Stance:
+def fit_stance(cloth: ClothSample, body: RestBody, start: Stance, turns: NDArray[np.bool_] = NO_TURNS) -> Stance:
     """Fit `body` into `cloth` (body axes, metres, not translated) from `start`.
 
     Gauss-Newton on the point-to-plane distances to the nearest skin (Chen and Medioni 1991), with Cauchy weights.
     With origin "fitted" the translation is fitted; any other origin stays where it is on the body.
-    With `turn` the angles of `TURNS` are fitted, their usual sizes being the prior; otherwise the pose is kept.
+    `turns` (7,) says which angles of `TURNS` are fitted, their usual sizes being the prior; the others are kept.
     """
     free = start.origin == FITTED
-    count = len(TURNS) if turn else 0
-    stiffness = np.array([(GAP / turn.usual) ** 2 for turn in TURNS.values()])[:count] * len(cloth.points) / EVIDENCE
-    here, best = start, start
+    active = np.flatnonzero(turns)
+    usual = np.array([turn.usual for turn in TURNS.values()])[active]
+    stiffness = (GAP / usual) ** 2 * len(cloth.points) / EVIDENCE
+    here, best = start, replace(start, misfit=np.inf)
     outward = 0.0
-    for _ in range(iterations):
+    for iteration in range(ITERATIONS):
         surface = body.skin(here.pose)
         translation = here.translation if free else origin_translation(start.origin, surface)
         points = cloth.points + translation
         nearest = surface.nearest(points)
-        here = replace(here, translation=translation, misfit=float(misfit(surface.distance(points, nearest))))
+        here = replace(here, translation=translation, misfit=float(misfit(surface.height(points, nearest))))
         best = min(best, here, key=lambda stance: stance.misfit)
-        if not (free or turn):
+        if not (free or len(active)):
             break
         normals = surface.normals[nearest]
         agreement = np.einsum("ij,ij->i", cloth.normals, normals)
         outward = outward or float(np.sign(agreement.sum())) or 1.0
         residual = np.einsum("ij,ij->i", normals, points - surface.vertices[nearest])
-        weight = 1 / (1 + (residual / OUTLIER) ** 2) * np.where(agreement * outward > 0, 1, 0.1)
-        jacobian = -normals if free else np.zeros((len(points), 0))
-        if turn:
-            moves = np.einsum("ij,pij->ip", normals, _skin_moves(body, nearest, here.angles))
-            jacobian = np.concatenate([moves, jacobian], axis=1)
-        prior, pull = np.full((2, jacobian.shape[1]), 1e-9)
-        prior[:count] += stiffness
-        pull[:count] -= stiffness * here.angles[:count]
-        normal_matrix = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior)
+        outlier = OUTLIER * max(1.0, WIDENED * NARROWING**iteration)
+        weight = 1 / (1 + (residual / outlier) ** 2) * np.where(agreement * outward > 0, 1, 0.1)
+        moves = _skin_moves(body, nearest, here.angles, active)
+        jacobian = np.einsum("ij,pij->ip", normals, moves)
+        prior, pull = stiffness, -stiffness * here.angles[active]
+        if free:
+            jacobian = np.concatenate([jacobian, -normals], axis=1)
+            prior, pull = np.append(prior, np.zeros(3)), np.append(pull, np.zeros(3))
+        normal_matrix = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
         step = np.linalg.solve(normal_matrix, jacobian.T @ (weight * residual) + pull)
         step *= min(1.0, LONGEST_STEP / max(np.abs(step).max(), 1e-12))
-        if turn:
-            angles = here.angles + step[:count]
+        if len(active):
+            angles = here.angles.copy()
+            angles[active] += step[: len(active)]
             here = replace(here, pose=a_pose(angles), angles=angles)
         if free:
-            here = replace(here, translation=here.translation + step[count:])
-        if np.abs(step).max() < 2e-4:
+            here = replace(here, translation=here.translation + step[len(active) :])
+        if np.abs(step).max() < 5e-4 and outlier == OUTLIER:
             break
     return best
 
 
-def _skin_moves(body: RestBody, index: NDArray[np.int64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative (7, S, 3) of the posed positions of body vertices `index` by each angle."""
+def wrapped_turns(cloth: ClothSample, body: RestBody, stance: Stance) -> NDArray[np.bool_]:
+    """Which of `TURNS` (7,) the cloth tells about: those of limbs that it wraps all round.
+
+    Skirts and capes touch a limb from one side only; the limb could be anywhere inside. There the skin next to the
+    cloth looks one way; in a sleeve or trouser leg it looks every way and its mean normal is short.
+    """
+    surface = body.skin(stance.pose)
+    points = cloth.points + stance.translation
+    nearest = surface.nearest(points)
+    limb = body.weights[nearest].argmax(axis=1)
+    normals = surface.normals[nearest]
+    agreement = np.einsum("ij,ij->i", cloth.normals, normals)
+    # A bodice between trunk and hanging arm faces the arm: it is no sleeve.
+    close = (np.abs(surface.height(points, nearest)) < WRAPPING_GAP) & (agreement * agreement.sum() > 0)
+    told = []
+    for turn in TURNS.values():
+        moved = _MOVED_BY[turn.joint]
+        left, right = (close & np.isin(limb, side) for side in (moved, MIRROR[moved]))
+        around = np.concatenate([normals[left], normals[right] * [-1, 1, 1]])
+        told.append(len(around) >= FEW_POINTS and bool(np.linalg.norm(around.mean(axis=0)) < ONE_SIDED))
+    return np.array(told)
+
+
+def _skin_moves(
+    body: RestBody, index: NDArray[np.int64], angles: NDArray[np.float64], active: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Derivative (A, S, 3) of the posed positions of body vertices `index` (S,) by each `active` (A,) angle."""
     vertices, weights = body.surface.vertices[index], body.weights[index]
     h = 1e-4
-    poses = np.stack([a_pose(angles), *(a_pose(angles + h * unit) for unit in np.eye(len(angles)))])
+    poses = np.stack([a_pose(angles), *(a_pose(angles + h * unit) for unit in np.eye(len(angles))[active])])
     moved = skin(vertices, weights, joint_transforms(axis_angle_to_matrix(poses), body.surface.joints))
     return (moved[1:] - moved[0]) / h

@@ -11,17 +11,19 @@ from garmentc.outfit.align_axes import PER_METRE, Frame, axes_prior, axis_pairs
 from garmentc.outfit.align_fit import ClothSample, Skin, misfit
 from garmentc.outfit.align_options import AlignOptions
 from garmentc.outfit.align_origin import BODY, FITTED, known_origins
-from garmentc.outfit.align_pose import Stance
+from garmentc.outfit.align_pose import Stance, largest_turn
 
 SMALLEST, LARGEST = 0.05, 1.3
 """Longest side of an outfit as a part of the body's height: from a bracelet to a train."""
 
 UNIT_PRIOR = {"m": 1.0, "cm": 1.0, "mm": 1.02, "dm": 1.05, "in": 1.1, "ft": 1.1}
-FITTED_PRIOR = 1.4
+FITTED_PRIOR = 1.3
 KNOWN_PRIOR = {BODY: 1.0}
 OTHER_KNOWN_PRIOR = 1.03
-TURNED_PRIOR = 1.15
+A_POSE_PRIOR, SLIGHT_TURN_PRIOR = 1.05, 1.5
 """Priors: factors by which an unusual guess must fit better than a usual one."""
+
+SLIGHT_TURN = np.radians(10)
 
 SEARCH_POINTS = 60
 SLIDE = 0.12
@@ -54,7 +56,8 @@ def guess(cloth: ClothSample, unit: str, up: str, front: str, stance: Stance) ->
     """A guess with its cost; `cloth` is in file coordinates."""
     prior = UNIT_PRIOR[unit] * axes_prior(up, front)
     prior *= FITTED_PRIOR if stance.origin == FITTED else KNOWN_PRIOR.get(stance.origin, OTHER_KNOWN_PRIOR)
-    prior *= TURNED_PRIOR if stance.angles.any() else 1.0
+    if stance.angles.any():
+        prior *= SLIGHT_TURN_PRIOR if largest_turn(stance.angles) < SLIGHT_TURN else A_POSE_PRIOR
     return Guess(unit, up, front, stance, prior * stance.misfit * PER_METRE[unit] / max(cloth.radius, 1e-300))
 
 
