@@ -50,6 +50,7 @@ check: $(TEST_INSTALLED)
 # Markdown tables of compile time and memory, and of the OBJ reader's throughput.
 bench: $(TEST_INSTALLED)
 	$(BIN)/python -m tests.benchmarks.bench_compile
+	$(BIN)/python -m tests.benchmarks.bench_obj
 
 # Builds the default body anew from its CC0 source, byte for byte as it is in the repository.
 body: $(TEST_INSTALLED)
