@@ -155,9 +155,9 @@ def passes(options: CompileOptions, body: BodyModel, betas: NDArray[Any] | None)
     invisible = PruneMorphs() if settings.sparse == "auto" else PruneMorphs(threshold=0)
     steps: list[Pass] = [
         lambda rig, poses: limit_influences(rig, LimitInfluences(settings.influences), poses),
-        lambda rig, poses: reduce_blend_shapes(rig, reduction, poses),
-        # Sees the weights and keys that will be used, and changes shapes only.
+        # Needs the final weights, and works best with all keys that the network has.
         lambda rig, poses: resolve_collisions(rig, ResolveCollisions(), poses, body, betas),
+        lambda rig, poses: reduce_blend_shapes(rig, reduction, poses),
         # Whatever mixes or adds to shapes fills their zeros.
         lambda rig, poses: prune_morphs(rig, invisible, poses),
         # Follow from the final shapes.
