@@ -48,7 +48,8 @@ def _sleeve(body: RestBody, garment: GarmentParameters) -> Field:
         # A sleeve's hem always lies outside the armpit.
         first = shoulder[0] + 0.055
         end = first + garment.sleeve * (wrist[0] - 0.01 - first)
-        return lambda p: end - np.abs(p[:, 0])
+        below = body.armpit - 0.12
+        return lambda p: end - np.abs(p[:, 0]) + 3 * np.maximum(below - p[:, 1], 0)  # a wide skirt is no sleeve
     strap, low = shoulder[0] * garment.strap, body.armpit
 
     def armhole(p: Array) -> Array:
