@@ -54,7 +54,8 @@ def main() -> None:
         "outfits": len(examples),
         "poses_per_outfit": options.poses,
         "held_out": {"outfits": len(held_out), "network": figures, "nearest_vertex_skinning": nearest},
-        "command": f"python -m garmentc.training --seed {options.seed} --minutes {options.minutes:g}",
+        "command": f"python -m garmentc.training --outfits {options.outfits} --poses {options.poses} "
+        f"--held-out {options.held_out} --minutes {options.minutes:g} --seed {options.seed} --out runs/deepsd",
     }
     bundle = options.out / "bundle"
     write_bundle(network, bundle, version=options.version, description=DESCRIPTION, training=record)
