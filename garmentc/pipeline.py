@@ -45,19 +45,21 @@ from garmentc.smpl.read_motion import read_motion
 
 STAGES = ("read", "align", "infer", "optimise", "emit")
 
+Progress = Callable[[str, float], None]
+
 
 def compile_outfit(
     outfit: str | PathLike[str],
     output: str | PathLike[str],
     options: CompileOptions | None = None,
     *,
-    on_stage: Callable[[str], None] = lambda stage: None,
+    on_progress: Progress = lambda stage, done: None,
     **given: Any,
 ) -> CompileReport:
     """Compile the OBJ file `outfit` to the .glb file `output`.
 
-    options   what to do; the keyword arguments in `given` replace single options, by the names of CompileOptions
-    on_stage  called with the name of each stage as it begins (STAGES)
+    options      what to do; the keyword arguments in `given` replace single options, by the names of CompileOptions
+    on_progress  called with a stage's name (STAGES) and how much of it is done, from 0 to 1
 
     The bytes of the .glb depend on the inputs alone. A former file at `output` stays until the new one is whole.
     Raises GarmentcError for everything that a user can cause or mend.
@@ -66,13 +68,13 @@ def compile_outfit(
     for path in (output, options.keys_onnx):
         if path is not None:
             check_writable(path)
-    clock = _Clock(on_stage)
+    clock = _Clock(on_progress)
     with clock("read"):
         source = read_inputs(Path(outfit), options)
     with clock("align"):
         dressed = dress(source, options)
     with clock("infer"):
-        rig = infer(source.bundle, dressed)
+        rig = infer(source.bundle, dressed, lambda done, total: on_progress("infer", done / total))
     with clock("optimise"):
         rig, reports = optimise(rig, options, dressed)
     with clock("emit"):
@@ -137,12 +139,12 @@ def _bodies(path: Path | None, gender: str) -> Mapping[str, BodyModel] | Callabl
     return {body.gender: body}
 
 
-def infer(bundle: Bundle, dressed: Dressed) -> Rig:
+def infer(bundle: Bundle, dressed: Dressed, progress: Callable[[int, int], None] = lambda done, total: None) -> Rig:
     """Run the bundle's networks, once: the outfit becomes a rig."""
     vertices, triangles = dressed.welded.vertices, dressed.welded.triangles
     joints = dressed.alignment.body.joints(dressed.alignment.betas)
     normals = vertex_normals(vertices, triangles)
-    return deepsd.infer(bundle, vertices, normals, triangles, edges(triangles), joints)
+    return deepsd.infer(bundle, vertices, normals, triangles, edges(triangles), joints, progress=progress)
 
 
 Pass = Callable[[Rig, PoseSet], tuple[Rig, PassReport]]
@@ -215,13 +217,13 @@ def emit(rig: Rig, dressed: Dressed, source: Inputs, options: CompileOptions, ou
 class _Clock:
     """Wall time by stage."""
 
-    def __init__(self, on_stage: Callable[[str], None]) -> None:
+    def __init__(self, on_progress: Progress) -> None:
         self.stages: list[StageTime] = []
-        self._on_stage = on_stage
+        self._on_progress = on_progress
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        self._on_stage(stage)
+        self._on_progress(stage, 0.0)
         start = perf_counter()
         yield
         self.stages.append(StageTime(stage, perf_counter() - start))

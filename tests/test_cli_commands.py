@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
+import select
 import subprocess
 import sys
+import termios
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +71,22 @@ heavy = {{"torch", "trimesh"}} & set(sys.modules)
 assert not heavy, heavy
 """
     subprocess.run([sys.executable, "-c", script], check=True)
+
+
+def test_progress_is_shown_on_a_terminal_and_cleared(folder: Path, tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 80))
+    command = [sys.executable, "-m", "garmentc", "compile", folder / "top.obj", "-o", tmp_path / "a.glb", "--json"]
+    result = subprocess.run([*command, "--gender", "female"], stdout=subprocess.PIPE, stderr=theirs, check=True)
+    shown = b""
+    while select.select([ours], [], [], 0)[0]:
+        shown += os.read(ours, 100_000)
+    os.close(theirs)
+    os.close(ours)
+    assert json.loads(result.stdout)["rig"]["joints"] == 24
+    for stage in ("align", "infer", "optimise", "emit"):
+        assert stage.encode() in shown
+    assert shown.rstrip(b" ").endswith(b"\r"), "the bar is cleared at the end"
 
 
 def test_version(run: CommandLine) -> None:

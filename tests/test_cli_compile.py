@@ -105,12 +105,12 @@ def test_command_line_and_python_api_make_the_same_bytes(
         *("compile", top, "-o", cli, "--profile", "desktop", "--betas", "1,-0.5", "--gender", "female"),
         *("--morphs", 5, "--influences", 4, "--no-pose-keys", "--motion", motion, "--motion-up", "y", "--name", "x"),
     )
-    stages: list[str] = []
+    progress: list[tuple[str, float]] = []
     report = garmentc.compile_outfit(
         str(top),
         str(api),
         CompileOptions(profile="desktop", betas=(1, -0.5), morphs=3),
-        on_stage=stages.append,
+        on_progress=lambda stage, done: progress.append((stage, done)),
         gender="female",
         morphs=5,
         influences=4,
@@ -119,7 +119,7 @@ def test_command_line_and_python_api_make_the_same_bytes(
         motion_up="y",
         name="x",
     )
-    assert stages == ["read", "align", "infer", "optimise", "emit"]
+    assert progress == [("read", 0), ("align", 0), ("infer", 0), ("infer", 1), ("optimise", 0), ("emit", 0)]
     assert api.read_bytes() == cli.read_bytes()
     assert report.rig.morphs == 5
     assert report.alignment.betas == (1.0, -0.5)

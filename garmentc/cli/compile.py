@@ -68,8 +68,8 @@ def command(outfit: Path, output: Path, report: Path | None, as_json: bool, quie
     options = CompileOptions(**given)
     if report is not None:
         check_writable(report)
-    with progress(STAGES, quiet) as on_stage:
-        result = compile_outfit(outfit, output, options, on_stage=on_stage)
+    with progress(STAGES, quiet) as show:
+        result = compile_outfit(outfit, output, options, on_progress=show)
     if report is not None:
         write_report(result, report)
     if not quiet:

@@ -52,6 +52,6 @@ def command(
 
     baselines: list[Baseline] = ["nearest"] if baseline == "nearest" else []
     options = EvaluationOptions(step, open_arms)
-    with progress([path.name for path in glbs], quiet) as begin:
-        rows = benchmark(glbs, motions, baselines, options, body, gender, begin)
+    with progress([path.name for path in glbs], quiet) as show:
+        rows = benchmark(glbs, motions, baselines, options, body, gender, lambda name: show(name, 0.0))
     click.echo(to_json(rows) if as_json else markdown(rows), nl=False)

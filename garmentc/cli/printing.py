@@ -31,20 +31,20 @@ def print_json(document: Any) -> None:
 
 
 @contextmanager
-def progress(steps: Sequence[str], quiet: bool) -> Iterator[Callable[[str], None]]:
-    """A progress bar on stderr where that is a terminal. Call what it yields with each of `steps` as it begins."""
+def progress(steps: Sequence[str], quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    """A progress bar on stderr where that is a terminal; call what it yields with a step and how much of it is done."""
     if quiet or not sys.stderr.isatty():
-        yield lambda step: None
+        yield lambda step, done: None
         return
     from tqdm import tqdm
 
-    with tqdm(total=len(steps), bar_format="{bar:20} {desc} {elapsed}", leave=False) as bar:
+    with tqdm(total=len(steps), bar_format="{bar:30} {desc} {elapsed}", leave=False) as bar:
 
-        def begin(step: str) -> None:
-            bar.n = steps.index(step)
+        def show(step: str, done: float) -> None:
+            bar.n = steps.index(step) + done
             bar.set_description_str(step)
 
-        yield begin
+        yield show
 
 
 def table(rows: Sequence[Sequence[Any]], header: Sequence[str] = ()) -> str:
