@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from garmentc.smpl.body import BodyModel
+from garmentc.smpl.correctives import PoseCorrectives
 from garmentc.smpl.nearest import (
     closest_on_surface,
     nearest_body_weights,
@@ -21,13 +22,19 @@ def ball() -> BodyModel:
     import trimesh
 
     mesh = trimesh.creation.icosphere(subdivisions=2)
-    weights = np.random.default_rng(1).dirichlet(np.ones(24), size=len(mesh.vertices))
     vertices = np.asarray(mesh.vertices)
-    zeros = np.zeros((len(vertices), 3, 0))
+    weights = np.random.default_rng(1).dirichlet(np.ones(24), size=len(vertices))
     return BodyModel(
-        "ball", "neutral", vertices, np.asarray(mesh.faces, dtype=np.int32), weights, zeros,
-        np.zeros((len(vertices), 3, 207)), np.zeros((24, 3)), np.zeros((24, 3, 0)),
-    )  # fmt: skip
+        name="ball",
+        gender="neutral",
+        v_template=vertices,
+        faces=np.asarray(mesh.faces, dtype=np.int32),
+        weights=weights,
+        shapedirs=np.zeros((len(vertices), 3, 0)),
+        J_template=np.zeros((24, 3)),
+        J_shapedirs=np.zeros((24, 3, 0)),
+        correctives=PoseCorrectives.from_dense(np.zeros((len(vertices), 3, 207))),
+    )
 
 
 @pytest.fixture

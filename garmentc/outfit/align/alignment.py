@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from garmentc.errors import Diagnostic, GarmentcError
 from garmentc.outfit.align.axes import Frame
-from garmentc.outfit.align.choose import choose_gender, choose_guesses
+from garmentc.outfit.align.choose import choose_gender, choose_guesses, gender_misfits
 from garmentc.outfit.align.fit import Fit, measure_fit, sample_cloth
 from garmentc.outfit.align.options import AlignOptions
 from garmentc.outfit.align.origins import FITTED
@@ -117,7 +117,8 @@ def align(
         raise GarmentcError("all faces of the outfit have no area; export it again", outfit.path)
 
     guesses, frame_warnings = choose_guesses(cloth, rest_bodies, options)
-    gender, gender_warnings = choose_gender(guesses)
+    misfits = gender_misfits(guesses, cloth, rest_bodies)
+    gender, gender_warnings = choose_gender(misfits)
     frame, stance, body = guesses[gender].frame, guesses[gender].stance, rest_bodies[gender]
     normals = outfit.normals if frame.is_identity else frame.rotated(outfit.normals)
     aligned = replace(outfit, vertices=frame.apply(outfit.vertices), normals=normals)
@@ -139,7 +140,7 @@ def align(
         arms=0.0 if stance.pose is None else arms_lowered(stance.pose, body.surface.joints),
         unpose_weights=weights,
         fit=fit,
-        misfits={name: candidate.stance.misfit for name, candidate in guesses.items()},
+        misfits=misfits,
         warnings=tuple(replace(warning, file=str(outfit.path)) for warning in warnings),
     )
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from garmentc.errors import Diagnostic
 from garmentc.outfit.align.axes import AS_BODY, Axes
-from garmentc.outfit.align.fit import ClothSample
+from garmentc.outfit.align.fit import ClothSample, misfit
 from garmentc.outfit.align.guess import Guess, axes_prior, cheapest, guess, in_body_axes, known_stances
 from garmentc.outfit.align.options import AlignOptions
 from garmentc.outfit.align.origins import BODY
@@ -19,6 +19,9 @@ from garmentc.outfit.align.skin import RestBody
 
 UNCERTAIN = 1.15
 """Guesses whose costs differ by less than this factor are reported as ambiguous."""
+
+CLOSE = 0.03
+"""Metres: cloth farther than this from every body tells nothing about gender."""
 
 NEUTRAL = 1.05
 """The neutral body is taken where no other fits better by more than this factor."""
@@ -44,7 +47,7 @@ def choose_guesses(cloth: ClothSample, bodies: Bodies, options: AlignOptions) ->
         as_is = _unfitted(cloth, bodies, AS_BODY, options, "keep")
         if _hugs(cloth, bodies, as_is, options):
             return as_is, ()
-        if _touches(cloth, bodies, as_is) and not _fits_turned_about(cloth, bodies, as_is, options):
+        if _is_worn(cloth, bodies, as_is) and not _fits_turned_about(cloth, bodies, as_is, options):
             gender = _best(as_is)
             fitted = refined(cloth, bodies[gender], as_is[gender], options)
             if fitted.stance.origin == BODY and not fitted.stance.angles.any():
@@ -68,13 +71,24 @@ def choose_guesses(cloth: ClothSample, bodies: Bodies, options: AlignOptions) ->
     return {name: refined(cloth, body, found[0], options) for name, body in bodies.items()}, _doubts(found)
 
 
-def choose_gender(guesses: Mapping[str, Guess]) -> tuple[str, tuple[Diagnostic, ...]]:
+def gender_misfits(guesses: Guesses, cloth: ClothSample, bodies: Bodies) -> dict[str, float]:
+    """Metres by gender: how well each body is fitted by the cloth that is close to any of them.
+
+    The hem of a skirt says nothing about who wears it, and there is more of it than of the waistband.
+    """
+    distances = np.stack([_distance(cloth, bodies[gender], guesses[gender]) for gender in guesses])
+    close = np.abs(distances).min(axis=0) < CLOSE
+    told = distances[:, close] if close.any() else distances
+    return {gender: float(score) for gender, score in zip(guesses, misfit(told), strict=True)}
+
+
+def choose_gender(misfits: Mapping[str, float]) -> tuple[str, tuple[Diagnostic, ...]]:
     """The gender that fits best, neutral where that is as good; and a warning where another fits nearly as well."""
-    best = min(guesses, key=lambda gender: guesses[gender].cost / (NEUTRAL if gender == "neutral" else 1))
-    close = [g for g in guesses if g != best and guesses[g].cost < UNCERTAIN * guesses[best].cost]
+    best = min(misfits, key=lambda gender: misfits[gender] / (NEUTRAL if gender == "neutral" else 1))
+    close = [gender for gender in misfits if gender != best and misfits[gender] < UNCERTAIN * misfits[best]]
     if not close:
         return best, ()
-    scores = ", ".join(f"{gender} {guesses[gender].stance.misfit * 1000:.1f} mm" for gender in (best, *close))
+    scores = ", ".join(f"{gender} {misfits[gender] * 1000:.1f} mm" for gender in (best, *close))
     message = f"fitted to the {best} body, but the bodies differ little here ({scores}); choose one with --gender"
     return best, (Diagnostic("gender-ambiguous", message),)
 
@@ -92,27 +106,26 @@ def _unfitted(cloth: ClothSample, bodies: Bodies, axes: Axes, options: AlignOpti
     }
 
 
-def _distance(cloth: ClothSample, bodies: Bodies, guesses: Guesses) -> NDArray[np.float64]:
-    """Signed distances (S,) of the cloth to the body that it fits best."""
-    gender = _best(guesses)
-    chosen = guesses[gender]
+def _distance(cloth: ClothSample, body: RestBody, chosen: Guess) -> NDArray[np.float64]:
+    """Signed distances (S,) of the cloth to the body where the guess puts it."""
     points = in_body_axes(cloth, chosen.axes).points + chosen.stance.translation
-    return bodies[gender].skin(chosen.stance.pose).distance(points)
+    return body.skin(chosen.stance.pose).distance(points)
 
 
 def _hugs(cloth: ClothSample, bodies: Bodies, guesses: Guesses, options: AlignOptions) -> bool:
     """True for cloth that can't be meant otherwise: close to the skin nearly everywhere."""
-    if options.pose == "a":
+    if options.needs_pose:
         return False
-    distance = _distance(cloth, bodies, guesses)
+    distance = _distance(cloth, bodies[_best(guesses)], guesses[_best(guesses)])
     gap = np.abs(distance)
     return bool((distance < -0.01).mean() < 0.005 and np.median(gap) < 0.04 and np.percentile(gap, 97) < 0.08)
 
 
-def _touches(cloth: ClothSample, bodies: Bodies, guesses: Guesses) -> bool:
-    """True for cloth that is at least worn, with loose parts or in another pose."""
-    distance = _distance(cloth, bodies, guesses)
-    return bool((distance < -0.01).mean() < 0.1 and np.median(np.abs(distance)) < 0.05)
+def _is_worn(cloth: ClothSample, bodies: Bodies, guesses: Guesses) -> bool:
+    """True for cloth that is worn, but in another pose (much is near) or loosely (a little is near, nothing inside)."""
+    distance = _distance(cloth, bodies[_best(guesses)], guesses[_best(guesses)])
+    inside, gap = (distance < -0.01).mean(), np.abs(distance)
+    return bool((inside < 0.1 and np.median(gap) < 0.05) or (inside < 0.005 and np.percentile(gap, 1) < 0.02))
 
 
 def _fits_turned_about(cloth: ClothSample, bodies: Bodies, as_is: Guesses, options: AlignOptions) -> bool:

@@ -1,7 +1,7 @@
 """How well an outfit sits on a body: what every guess about units, axes, origin, pose and gender is judged by.
 
-Cloth hugs the skin from outside. So a guess is scored by the mean distance of points on the cloth from the body, where
-points inside the body count several times and far points (skirts, hoods, brims) count only so much.
+Cloth hugs the skin from outside. So a guess is scored by a mean distance of points on the cloth from the body, where
+points inside the body count several times and far points (skirts, hoods, brims) less than their distance.
 """
 
 from __future__ import annotations

@@ -58,3 +58,8 @@ class AlignOptions:
     def fits_pose(self) -> bool:
         """True where the body may leave the T-pose to fit the outfit."""
         return isinstance(self.pose, str) and self.pose != "t"
+
+    @property
+    def needs_pose(self) -> bool:
+        """True where it must: the file is said to be in an A-pose."""
+        return isinstance(self.pose, str) and self.pose == "a"

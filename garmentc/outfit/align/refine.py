@@ -9,7 +9,7 @@ import numpy as np
 from garmentc.outfit.align.fit import ClothSample, misfit
 from garmentc.outfit.align.guess import Guess, cheapest, guess, in_body_axes, known_stances
 from garmentc.outfit.align.options import AlignOptions
-from garmentc.outfit.align.origins import BODY, FITTED, known_origins
+from garmentc.outfit.align.origins import BODY, FITTED, known_origins, origin_translation
 from garmentc.outfit.align.pose import ALL_TURNS, TURNS, a_pose, largest_turn
 from garmentc.outfit.align.skin import RestBody
 from garmentc.outfit.align.stance import Stance, fit_stance, wrapped_turns
@@ -36,10 +36,10 @@ def refined(cloth: ClothSample, body: RestBody, start: Guess, options: AlignOpti
     pose = options.given_pose
     origin = FITTED if options.origin == "auto" else BODY
     straight = fit_stance(there, thin, Stance(pose, origin, start.stance.translation))
-    stances = [] if options.pose == "a" else [straight, *known_stances(there, body.skin(pose), pose, options.origin)]
+    stances = [] if options.needs_pose else [straight, *known_stances(there, body.skin(pose), pose, options.origin)]
     if options.fits_pose:
         turned = _turned(there, thin, straight, start.stance)
-        if options.pose == "a" or largest_turn(turned.angles) > NEARLY_STRAIGHT:
+        if options.needs_pose or largest_turn(turned.angles) > NEARLY_STRAIGHT:
             stances += [turned, *_with_known_origins(there, thin, turned)]
     return cheapest([guess(cloth, start.axes, _rescored(there, body, stance)) for stance in stances])
 
@@ -80,7 +80,9 @@ def _with_known_origins(cloth: ClothSample, body: RestBody, fitted: Stance) -> l
 
 
 def _rescored(cloth: ClothSample, body: RestBody, stance: Stance) -> Stance:
-    """`stance` with its misfit on the whole body; fitted translations are rounded to a tenth of a millimetre."""
-    translation = np.round(stance.translation, 4) if stance.origin == FITTED else stance.translation
-    score = misfit(body.skin(stance.pose).distance(cloth.points + translation))
+    """`stance` as it is on the whole body; fitted translations are rounded to a tenth of a millimetre."""
+    surface = body.skin(stance.pose)
+    fitted = stance.origin == FITTED
+    translation = np.round(stance.translation, 4) if fitted else origin_translation(stance.origin, surface)
+    score = misfit(surface.distance(cloth.points + translation))
     return replace(stance, translation=translation, misfit=float(score))
