@@ -15,9 +15,7 @@ from garmentc.outfit.align import AlignOptions, align
 from garmentc.outfit.align.axes import AXES, Axes
 from garmentc.outfit.align.choose import choose_gender
 from garmentc.outfit.align.fit import misfit, sample_cloth
-from garmentc.outfit.align.guess import Guess
 from garmentc.outfit.align.skin import Skin
-from garmentc.outfit.align.stance import Stance
 from garmentc.outfit.obj import read_obj
 from garmentc.smpl import BodyModel, load_default_body
 from garmentc.smpl.nearest import signed_distance
