@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -45,8 +45,26 @@ def _refuse_folder(target: Path) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
 
 
-def check_writable(path: str | os.PathLike[str]) -> None:
-    """Raise GarmentcError now if `path` could not be written later, so that no long work is done in vain."""
+def check_outputs(
+    outputs: Iterable[str | os.PathLike[str] | None], inputs: Iterable[str | os.PathLike[str] | None] = ()
+) -> None:
+    """Raise GarmentcError now where one of `outputs` could not be written later, so that no long work is done in vain.
+
+    Nor may an output be one of `inputs`, or two outputs the same file. None stands for no file.
+    """
+    taken = {os.path.realpath(path): "read from" for path in inputs if path is not None}
+    for path in outputs:
+        if path is None:
+            continue
+        target = os.path.realpath(path)
+        if target in taken:
+            raise GarmentcError(f"is {taken[target]} and cannot be written too; name another file", path)
+        _check_writable(path)
+        if not _is_special(Path(target)):
+            taken[target] = "written already"
+
+
+def _check_writable(path: str | os.PathLike[str]) -> None:
     target = Path(os.path.realpath(path))
     if _is_special(target):
         return

@@ -25,7 +25,7 @@ from garmentc.outfit.obj import read_obj
 from garmentc.outfit.outfit import Outfit
 from garmentc.outfit.topology import Welded, edges, vertex_normals, weld
 from garmentc.outfit.unwrap import unwrap
-from garmentc.output import check_writable
+from garmentc.output import check_outputs
 from garmentc.passes.limit_influences import LimitInfluences, limit_influences
 from garmentc.passes.morph_normals import MorphNormals, morph_normals
 from garmentc.passes.pose_set import PoseSet, plausible_poses
@@ -65,9 +65,7 @@ def compile_outfit(
     Raises GarmentcError for everything that a user can cause or mend.
     """
     options = replace(options or CompileOptions(), **given)
-    for path in (output, options.keys_onnx):
-        if path is not None:
-            check_writable(path)
+    check_outputs((output, options.keys_onnx), inputs=(outfit, options.body, options.params, *options.motion))
     clock = _Clock(on_progress)
     with clock("read"):
         source = read_inputs(Path(outfit), options)

@@ -84,6 +84,9 @@ def test_obj_that_is_not_there(run: CommandLine, tmp_path: Path, output: Path) -
     ("arguments", "message"),
     [
         (["--betas", "1,x"], "numbers"),
+        (["--betas", "1,nan"], "people are within about 3"),
+        (["--betas", "1e300"], "people are within about 3"),
+        (["--betas", "1,2,3,4,5,6,7,8,9,10,11"], "has 10; leave the rest out"),
         (["--morph-tolerance", "3"], "0.5mm"),
         (["--influences", "5"], "'4', '8'"),
         (["--profile", "huge"], "'mobile', 'web', 'desktop', 'reference'"),
@@ -230,6 +233,18 @@ def test_output_that_cannot_be_written(run: CommandLine, tmp_path: Path, top: Pa
     assert "it is a folder" in run.fails("compile", top, "-o", tmp_path)
     assert "does not exist" in run.fails("compile", top, "-o", tmp_path / "a.glb", "--report", "/nowhere/r.json")
     assert "does not exist" in run.fails("compile", top, "-o", tmp_path / "a.glb", "--keys-onnx", "/nowhere/k.onnx")
+    assert not (tmp_path / "a.glb").exists()
+
+
+def test_output_over_an_input(run: CommandLine, tmp_path: Path, top: Path) -> None:
+    content = top.read_bytes()
+    for arguments in (
+        ["-o", top],
+        ["-o", tmp_path / "a.glb", "--report", top],
+        ["-o", tmp_path / "a.glb", "--keys-onnx", top],
+    ):
+        assert "name another file" in run.fails("compile", top, *arguments)
+    assert top.read_bytes() == content
     assert not (tmp_path / "a.glb").exists()
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from garmentc.errors import GarmentcError
-from garmentc.output import check_writable, written_whole
+from garmentc.output import check_outputs, written_whole
 
 
 @contextmanager
@@ -109,7 +109,7 @@ def test_a_place_that_cannot_be_written_is_refused_with_a_remedy(tmp_path: Path,
     (tmp_path / "file").touch()
     (tmp_path / "folder").mkdir()
     with pytest.raises(GarmentcError, match=remedy):
-        check_writable(tmp_path / name)
+        check_outputs([tmp_path / name])
     with pytest.raises(GarmentcError, match=remedy), written_whole(tmp_path / name):
         pass
 
@@ -122,5 +122,16 @@ def test_a_file_that_the_block_could_not_read_is_not_blamed_on_the_output(tmp_pa
 
 
 def test_checking_leaves_nothing_behind(tmp_path: Path) -> None:
-    check_writable(tmp_path / "a.bin")
+    check_outputs([tmp_path / "a.bin", None])
     assert names(tmp_path) == []
+
+
+def test_an_output_is_no_input_and_no_other_output(tmp_path: Path) -> None:
+    (tmp_path / "input").touch()
+    (tmp_path / "link").symlink_to("input")
+    check_outputs(["/dev/null", tmp_path / "a", tmp_path / "b", "/dev/null"], inputs=[tmp_path / "input", None])
+    for outputs in ([tmp_path / "link"], [tmp_path / "." / "input"]):
+        with pytest.raises(GarmentcError, match="is read from and cannot be written too"):
+            check_outputs(outputs, inputs=[tmp_path / "input"])
+    with pytest.raises(GarmentcError, match="is written already"):
+        check_outputs([tmp_path / "a", tmp_path / "a"])

@@ -61,13 +61,12 @@ def command(outfit: Path, output: Path, report: Path | None, as_json: bool, quie
 
     Whatever is not given is detected, or comes from the profile, and is reported.
     """
-    from garmentc.output import check_writable
+    from garmentc.output import check_outputs
     from garmentc.pipeline import STAGES, compile_outfit
     from garmentc.report import write_report
 
     options = CompileOptions(**given)
-    if report is not None:
-        check_writable(report)
+    check_outputs((report, output, options.keys_onnx), inputs=(outfit,))
     with progress(STAGES, quiet) as show:
         result = compile_outfit(outfit, output, options, on_progress=show)
     if report is not None:

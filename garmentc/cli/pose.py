@@ -47,10 +47,12 @@ def command(
     from garmentc.gltf.evaluate import world_mesh
     from garmentc.gltf.read import read_glb
     from garmentc.mesh_file import check_mesh_suffix, write_mesh
+    from garmentc.output import check_outputs
 
     if sum(choice is not None for choice in (frame, time, params)) > 1:
         raise GarmentcError("--frame, --time and --params are given together; choose one")
     check_mesh_suffix(output)
+    check_outputs([output], inputs=[glb])
     asset = read_glb(glb)
     if frame is not None:
         time = frame / _fps(asset, animation)

@@ -15,6 +15,9 @@ from garmentc.smpl.rotations import axis_angle_to_matrix
 from garmentc.smpl.skeleton import JOINT_COUNT
 from garmentc.smpl.skinning import joint_transforms, skin
 
+LARGEST_BETA = 100.0
+"""Whatever is beyond is no shape but a mistake, and would overflow."""
+
 
 @dataclass(frozen=True)
 class BodyModel:
@@ -64,7 +67,12 @@ class BodyModel:
         count = self.shapedirs.shape[-1]
         if given.ndim != 1 or given[count:].any():
             shape = "x".join(map(str, given.shape))
-            raise GarmentcError(f"got {shape} shape coefficients (betas), but the body '{self.name}' has {count}")
+            message = (
+                f"got {shape} shape coefficients (betas), but the body '{self.name}' has {count}; leave the rest out"
+            )
+            raise GarmentcError(message)
+        if not (np.abs(given) <= LARGEST_BETA).all():  # also refuses NaN
+            raise GarmentcError(f"a shape coefficient (beta) is beyond {LARGEST_BETA:g}; people are within about 3")
         padded = np.zeros(count, dtype=self.dtype)
         padded[: len(given)] = given[:count]
         return padded
