@@ -20,6 +20,9 @@ REACH = 0.015
 DEPTH = 0.03
 """Metres: deeper ones belong to limbs that are stuck in each other, where no movement of cloth helps."""
 
+CLOSEST = 0.001
+"""Metres: what even the tightest cloth should keep."""
+
 _SHARED_WEIGHT = 0.2
 _FAR = 1.0
 
@@ -36,8 +39,10 @@ class Contacts:
     gradient: NDArray[np.float32]
 
 
-def find_contacts(rig: Rig, body: BodyModel, betas: NDArray[Any] | None, poses: NDArray[Any]) -> Contacts:
-    """Contacts of the posed rig with the posed body in `poses` (P, 24, 3).
+def find_contacts(
+    rig: Rig, body: BodyModel, betas: NDArray[Any] | None, poses: NDArray[Any], depth: float = DEPTH
+) -> Contacts:
+    """Contacts of the posed rig with the posed body in `poses` (P, 24, 3), down to `depth` metres inside.
 
     The skin is taken as a plane at its vertex nearest to the cloth: within a millimetre of the exact distance where
     the skin is not creased, and ten times as fast. A contact counts only where vertex and skin hang on the same or
@@ -58,17 +63,27 @@ def find_contacts(rig: Rig, body: BodyModel, betas: NDArray[Any] | None, poses: 
     for index, skin in enumerate(skins):
         blended = (weights @ transforms[index].reshape(JOINT_COUNT, 12)).reshape(-1, 3, 4)
         points = np.einsum("nij,nj->ni", blended[:, :, :3], rest[index]) + blended[:, :, 3]
-        nearest = cKDTree(skin, balanced_tree=False).query(points, distance_upper_bound=2 * DEPTH)[1]
+        nearest = cKDTree(skin, balanced_tree=False).query(points, distance_upper_bound=2 * depth)[1]
         found = np.flatnonzero(nearest < len(skin))
         nearest = nearest[found]
         normal = _unit(to_normal @ _face_normals(skin, body.faces))[nearest]
         distance = np.einsum("ni,ni->n", normal, points[found] - skin[nearest])
         shared = np.einsum("nj,nj->n", weights[found], near_joints[nearest])
-        close = (distance < REACH) & (distance > -DEPTH) & (shared > _SHARED_WEIGHT)
+        close = (distance < REACH) & (distance > -depth) & (shared > _SHARED_WEIGHT)
         rows = found[close]
         clearance[index, rows] = distance[close]
         gradient[index, rows] = np.einsum("nij,ni->nj", blended[rows, :, :3], normal[close])
     return Contacts(clearance, gradient)
+
+
+def wanted_clearance(rig: Rig, body: BodyModel, betas: NDArray[Any] | None, clearance: float) -> NDArray[np.float32]:
+    """Clearance (N,) in metres that vertices should keep in every pose: `clearance`, less where they have less at rest.
+
+    It grows with that at rest, so layers stay in order, and is never under CLOSEST.
+    """
+    at_rest = find_contacts(rig, body, betas, np.zeros((1, JOINT_COUNT, 3))).clearance[0]
+    wanted: NDArray[np.float32] = clearance * -np.expm1(-np.maximum(at_rest, 0) / clearance)
+    return np.maximum(CLOSEST, wanted)
 
 
 def _displacements(rig: Rig, poses: NDArray[Any]) -> NDArray[np.float32]:

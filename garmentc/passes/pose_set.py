@@ -26,6 +26,11 @@ class PoseSet:
     fit: NDArray[Any]
     check: NDArray[Any]
 
+    def some(self, count: int) -> NDArray[np.float64]:
+        """At most `count` of the poses to fit, spread over them."""
+        count = min(count, len(self.fit))
+        return np.asarray(self.fit[_spread(len(self.fit), count, 0.5)], np.float64)
+
 
 def plausible_poses(motion: NDArray[Any] | None = None, fit: int = FIT_COUNT, check: int = CHECK_COUNT) -> PoseSet:
     """Sampled poses, the same in every run; frames of `motion` (T, 24, 3) join them, at most a quarter of each set.

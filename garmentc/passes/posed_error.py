@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.passes.blas import single_threaded_blas
+from garmentc.passes.part_of_rig import spread_vertices, take_vertices
 from garmentc.rig import Rig
 
 MAX_VERTICES = 3_000
@@ -47,22 +48,3 @@ def posed_error(before: Rig, after: Rig, poses: NDArray[Any], max_vertices: int 
             distances.append(np.linalg.norm(before.posed(block) - after.posed(block), axis=-1).ravel())
     mm = 1000 * np.concatenate(distances)
     return PosedError(float(mm.mean()), float(np.percentile(mm, 99)), float(mm.max()), len(rows), len(poses))
-
-
-def spread_vertices(count: int, most: int) -> NDArray[np.intp]:
-    """At most `most` of the vertices 0..count-1, evenly spread."""
-    if count <= most:
-        return np.arange(count)
-    return np.linspace(0, count - 1, most).astype(np.intp)
-
-
-def take_vertices(rig: Rig, rows: NDArray[np.intp]) -> Rig:
-    """The rig of some of its vertices, without triangles and normals: for posing only."""
-    return replace(
-        rig,
-        template=rig.template[rows],
-        triangles=np.zeros((0, 3), dtype=np.int32),
-        weights=rig.weights[rows],
-        blend_shapes=rig.blend_shapes[:, rows],
-        blend_normals=None,
-    )

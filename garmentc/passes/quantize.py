@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.gltf.positions import position_codec
-from garmentc.gltf.skin import largest_influences, to_unorm16
+from garmentc.gltf.skin import to_unorm16
+from garmentc.passes.limit_influences import largest_weights
+from garmentc.passes.part_of_rig import spread_vertices, take_vertices
 from garmentc.passes.pose_set import PoseSet
-from garmentc.passes.posed_error import MAX_VERTICES, posed_error, spread_vertices, take_vertices
+from garmentc.passes.posed_error import MAX_VERTICES, posed_error
 from garmentc.passes.report import PassReport
 from garmentc.rig import Rig
 
@@ -29,9 +31,10 @@ def quantize(rig: Rig, options: Quantize, poses: PoseSet) -> tuple[Rig, PassRepo
     """
     codec = position_codec(rig, quantize=True)
     part = take_vertices(rig, spread_vertices(rig.vertex_count, MAX_VERTICES))
-    joints, weights = largest_influences(part.weights, options.influences)
-    stored = np.zeros(part.weights.shape)
-    np.put_along_axis(stored, joints, to_unorm16(weights) / 65535, axis=1)
+    weights = largest_weights(part.weights, options.influences).astype(np.float64)
+    joints = np.argsort(-weights, axis=1, kind="stable")
+    stored = np.zeros_like(weights)
+    np.put_along_axis(stored, joints, to_unorm16(np.take_along_axis(weights, joints, axis=1)) / 65535, axis=1)
     rounded = replace(
         part,
         template=_metres(codec.positions(part.template), codec.scale) + codec.center,
@@ -43,5 +46,4 @@ def quantize(rig: Rig, options: Quantize, poses: PoseSet) -> tuple[Rig, PassRepo
 
 
 def _metres(integers: NDArray[np.int16], scale: float) -> NDArray[np.float64]:
-    metres: NDArray[np.float64] = integers * (scale / 32767)
-    return metres
+    return integers.astype(np.float64) * (scale / 32767)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from garmentc.errors import GarmentcError
 from garmentc.passes.blas import single_threaded_blas
 from garmentc.passes.key_reach import key_reach
+from garmentc.passes.part_of_rig import spread_vertices
 from garmentc.passes.pose_set import PoseSet
-from garmentc.passes.posed_error import posed_error, spread_vertices
+from garmentc.passes.posed_error import posed_error
 from garmentc.passes.report import PassReport
 from garmentc.rig import DenseLayer, KeyNetwork, Rig, encode_pose
 from garmentc.smpl.skeleton import JOINT_COUNT

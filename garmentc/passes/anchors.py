@@ -1,0 +1,71 @@
+"""Some vertices that stand for all, so that a pass costs the same on any outfit: the others move with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.outfit.topology import vertex_normals
+from garmentc.passes.part_of_rig import spread_vertices
+from garmentc.rig import Rig
+
+_NORMAL_REACH = 0.05
+_NEIGHBOURS = 6
+_SUPPORT = 4
+
+
+@dataclass(frozen=True)
+class Anchors:
+    """Vertices of an outfit, spread over it.
+
+    rows    (n,) which vertices
+    places  (N, 6) position and scaled normal of every vertex at rest. Vertices are neighbours where these are close:
+            the two sides of a gap face each other, so nothing leaks across it, and no topology is asked for
+    """
+
+    rows: NDArray[np.intp]
+    places: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, rig: Rig, most: int) -> Anchors:
+        template = rig.template.astype(np.float64)
+        normals = _NORMAL_REACH * vertex_normals(template, rig.triangles)
+        return cls(spread_vertices(rig.vertex_count, most), np.concatenate([template, normals], axis=1))
+
+    @cached_property
+    def smoother(self) -> Any:
+        """Sparse (n, n) float32: the mean of each anchor and its nearest others."""
+        from scipy.sparse import csr_matrix
+
+        own = self.places[self.rows]
+        count = min(_NEIGHBOURS + 1, len(own))
+        nearest = self._tree.query(own, k=np.arange(1, count + 1))[1]
+        row, share = np.repeat(np.arange(len(own)), count), np.full(nearest.size, 1 / count, dtype=np.float32)
+        return csr_matrix((share, (row, nearest.ravel())), shape=(len(own), len(own)))
+
+    def supports(self, size: int) -> Iterator[tuple[slice, NDArray[np.intp], NDArray[np.float32]]]:
+        """Blocks of at most `size` vertices, the anchors (B, k) that each hangs on, and by how much (B, k).
+
+        Shares fall with the square of the distance and sum to 1; an anchor hangs on itself.
+        """
+        count = len(self.places)
+        for start in range(0, count, size):
+            rows = slice(start, min(start + size, count))
+            if len(self.rows) == count:
+                yield rows, np.arange(rows.start, rows.stop)[:, None], np.ones((rows.stop - start, 1), np.float32)
+                continue
+            ranks = np.arange(1, min(_SUPPORT, len(self.rows)) + 1)
+            distance, nearest = self._tree.query(self.places[rows], k=ranks)
+            share = 1 / np.maximum(distance, 1e-9) ** 2
+            yield rows, nearest, (share / share.sum(axis=1, keepdims=True)).astype(np.float32)
+
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.places[self.rows])

@@ -1,0 +1,87 @@
+"""Let cloth that lies on the skin move with it, where the network's weights push it in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.passes.anchors import Anchors
+from garmentc.passes.blas import single_threaded_blas
+from garmentc.passes.body_contacts import find_contacts, wanted_clearance
+from garmentc.passes.part_of_rig import side_by_side, take_vertices
+from garmentc.passes.pose_set import PoseSet
+from garmentc.passes.posed_error import posed_error
+from garmentc.passes.report import PassReport
+from garmentc.rig import Rig
+from garmentc.smpl.body import BodyModel
+from garmentc.smpl.nearest import closest_on_surface
+
+_DEPTH = 0.1
+"""Metres: wrong weights leave cloth behind in the body, far deeper than one pushes it out."""
+
+_VERTICES_AT_ONCE = 100_000
+
+
+@dataclass(frozen=True)
+class FollowSkin:
+    """When cloth follows the skin.
+
+    reach      metres: cloth this far from the skin takes a share 1/e of the skin's weights, nearer cloth more
+    saved      metres of mean penetration that the skin's weights must save for a vertex to take them
+    clearance  metres that cloth should keep from the skin, as in ResolveCollisions
+    poses      how many poses to look at
+    anchors    vertices to look at; those between them do as they do
+    smoothing  rounds of carrying the choice over to the vertices around
+    """
+
+    reach: float = 0.02
+    saved: float = 5e-4
+    clearance: float = 0.006
+    poses: int = 32
+    anchors: int = 2000
+    smoothing: int = 10
+
+
+def follow_skin(
+    rig: Rig, options: FollowSkin, poses: PoseSet, body: BodyModel, betas: NDArray[Any] | None = None
+) -> tuple[Rig, PassReport]:
+    """Mix the weights of the closest skin into those of vertices that would otherwise sink into it.
+
+    A network knows a body's joints roughly: a short sleeve that follows the trunk a little too much lets the arm
+    through. The skin's own weights are right there, but make everything else as stiff as skin. So each vertex takes
+    them as far as that saves it from penetration in the poses to fit, and all others keep the network's.
+    """
+    skin = body.shaped(betas)
+    anchors = Anchors.of(rig, options.anchors)
+    part = take_vertices(rig, anchors.rows)
+    all_in = _mixed(part, np.ones(len(anchors.rows)), skin, body, options.reach)
+    with single_threaded_blas():
+        wanted = wanted_clearance(part, body, betas, options.clearance)
+        contacts = find_contacts(side_by_side(part, all_in), body, betas, poses.some(options.poses), _DEPTH)
+    lacking = np.maximum(np.concatenate([wanted, wanted]) - contacts.clearance, 0).mean(axis=0)
+    before, after = np.split(lacking, 2)
+    saves = np.clip((before - after) / options.saved, 0, 1)
+    choice = saves
+    for _ in range(options.smoothing):
+        choice = np.maximum(saves, anchors.smoother @ choice)
+    everywhere = np.empty(rig.vertex_count)
+    for rows, support, shares in anchors.supports(_VERTICES_AT_ONCE):
+        everywhere[rows] = (choice[support] * shares).sum(axis=1)
+    followed = _mixed(rig, everywhere, skin, body, options.reach)
+    moved = posed_error(rig, followed, poses.check)
+    detail = f"{100 * everywhere.mean():.0f} % of the cloth follows the skin beneath; moved {moved}"
+    return followed, PassReport("follow skin", detail)
+
+
+def _mixed(rig: Rig, choice: NDArray[Any], skin: NDArray[Any], body: BodyModel, reach: float) -> Rig:
+    """The rig with the weights of the closest skin, as far as `choice` (N,) in [0, 1] and its closeness say."""
+    rows = np.flatnonzero(choice > 1e-3)
+    closest = closest_on_surface(rig.template[rows], skin, body.faces)
+    of_skin = np.einsum("nk,nkj->nj", closest.barycentric, body.weights[body.faces[closest.face]])
+    share = (choice[rows] * np.exp(-((closest.distance / reach) ** 2)))[:, None]
+    weights = np.array(rig.weights, dtype=np.float32)
+    weights[rows] = share * of_skin + (1 - share) * weights[rows]
+    return replace(rig, weights=weights)
