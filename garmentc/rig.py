@@ -52,13 +52,12 @@ class DenseLayer:
     activation: str = "linear"
 
     def __call__(self, x: NDArray[Any]) -> NDArray[Any]:
-        y = x @ self.weight.T.astype(x.dtype) + self.bias.astype(x.dtype)
-        if self.activation == "linear":
-            return y
-        y = np.maximum(y, 0)
-        if self.activation == "relu":
-            return y
-        return y / (y.sum(axis=-1, keepdims=True) + NORMALIZED_RELU_EPSILON)
+        y: NDArray[Any] = x @ self.weight.T.astype(x.dtype) + self.bias.astype(x.dtype)
+        if self.activation != "linear":
+            y = np.maximum(y, 0)
+        if self.activation == "normalized_relu":
+            y = y / (y.sum(axis=-1, keepdims=True) + NORMALIZED_RELU_EPSILON)
+        return y
 
 
 @dataclass(frozen=True)
