@@ -26,6 +26,7 @@ from garmentc.outfit.outfit import Outfit
 from garmentc.outfit.topology import Welded, edges, vertex_normals, weld
 from garmentc.outfit.unwrap import unwrap
 from garmentc.output import check_outputs
+from garmentc.passes.follow_skin import FollowSkin, follow_skin
 from garmentc.passes.limit_influences import LimitInfluences, limit_influences
 from garmentc.passes.morph_normals import MorphNormals, morph_normals
 from garmentc.passes.pose_set import PoseSet, plausible_poses
@@ -154,6 +155,7 @@ def passes(options: CompileOptions, body: BodyModel, betas: NDArray[Any] | None)
     reduction = ReduceBlendShapes(None if options.morph_tolerance else settings.morphs, options.morph_tolerance)
     invisible = PruneMorphs() if settings.sparse == "auto" else PruneMorphs(threshold=0)
     steps: list[Pass] = [
+        lambda rig, poses: follow_skin(rig, FollowSkin(), poses, body, betas),
         lambda rig, poses: limit_influences(rig, LimitInfluences(settings.influences), poses),
         # Needs the final weights, and works best with all keys that the network has.
         lambda rig, poses: resolve_collisions(rig, ResolveCollisions(), poses, body, betas),
