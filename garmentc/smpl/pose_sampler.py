@@ -70,7 +70,7 @@ def _legs(poses: _Floats, rng: np.random.Generator, amplitude: _Floats) -> None:
             _between(rng, -12, 12, amplitude),
         )
         poses[:, _JOINT[f"{side}_ankle"]] = np.stack(ankle, axis=1) * [1, sign, sign]
-        poses[:, _JOINT[f"{side}_foot"], 0] = _between(rng, -30, 15, amplitude)
+        poses[:, _JOINT[f"{side}_foot"], 0] = _between(rng, -50, 45, amplitude)
 
 
 def _arms(poses: _Floats, rng: np.random.Generator, amplitude: _Floats) -> None:
