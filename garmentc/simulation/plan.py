@@ -94,6 +94,7 @@ class Plan:
             "outfits": len(self.outfits),
             "categories": list(self.preset.categories),
             "frames": self.preset.frames,
+            "new_frames": self.preset.new_frames,
             "known_motions": self.preset.known_motions,
             "new_motions": self.preset.new_motions,
             "motions": [_motion_document(motion) for motion in self.motions],
@@ -154,7 +155,10 @@ def _walks(preset: Preset, seed: int) -> tuple[PlannedMotion, ...]:
     names = [f"walk{index:03d}" for index in range(preset.walks)]
     new = lowest(names, preset.held_out_motions, seed)
     return tuple(
-        PlannedMotion(name, name, preset.frames, digest(seed, name) >> 33, None, name in new) for name in names
+        PlannedMotion(
+            name, name, preset.new_frames if name in new else preset.frames, digest(seed, name) >> 33, None, name in new
+        )
+        for name in names
     )
 
 
@@ -171,9 +175,10 @@ def _clips(files: Sequence[Path], preset: Preset, seed: int) -> tuple[PlannedMot
     new = lowest(list(clips), min(preset.held_out_motions, len(clips) // 4), seed)
     stretches = []
     for name, clip in clips.items():
-        starts = range(0, max(len(clip) - preset.frames // 2, 1), preset.frames)
+        length = preset.new_frames if name in new else preset.frames
+        starts = range(0, max(len(clip) - length // 2, 1), length)
         for number, start in enumerate(starts):
-            part = replace(clip.clipped(start, start + preset.frames), betas=None, gender=None, source="", warnings=())
+            part = replace(clip.clipped(start, start + length), betas=None, gender=None, source="", warnings=())
             label = name if len(starts) == 1 else f"{name}_{number:03d}"
             stretches.append(PlannedMotion(label, name, len(part), digest(seed, label) >> 33, part, name in new))
     return tuple(stretches)

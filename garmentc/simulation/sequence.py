@@ -50,8 +50,11 @@ class Texcoords:
     corners: NDArray[np.int32]
 
 
-REASONS = ("penetration", "depth", "crossings", "stretch", "longest_edge", "compression", "jump", "finite", "other")
-"""Why frames are rejected: the quality gate's limits by name. The order is part of the file format."""
+REASONS = ("penetration", "depth", "crossings", "stretch", "longest_edge", "compression", "jump", "finite", "body")
+"""Why frames are rejected: the quality gate's limits by name, and "body", where the body runs into itself.
+
+The order is part of the file format.
+"""
 
 STRAIN_PERCENTILES = (1, 50, 99, 100)
 
