@@ -45,6 +45,17 @@ def test_eight_influences_are_worth_a_warning(tmp_path: Path) -> None:
     }
 
 
+def test_influences_too_small_to_miss_are_not(tmp_path: Path) -> None:
+    asset = make_asset(influences=8)
+    weights = np.sort(asset.rig.weights, axis=1)[:, ::-1].copy()
+    weights[:, 4:] *= 0.005
+    weights /= weights.sum(axis=1, keepdims=True)
+    write_glb(replace(asset, rig=replace(asset.rig, weights=weights)), tmp_path / "a.glb")
+    glb = read_glb(tmp_path / "a.glb")
+    assert glb.meshes[0].primitives[0].weights[:, 4:].any()
+    assert validate_glb(glb) == ()
+
+
 def edit_primitive(glb: GlbAsset, **changes: Callable[[Primitive], Any]) -> GlbAsset:
     mesh = glb.meshes[0]
     edited = replace(mesh.primitives[0], **{name: change(mesh.primitives[0]) for name, change in changes.items()})

@@ -13,6 +13,9 @@ from garmentc.gltf.glb_asset import GlbAsset, Mesh, Primitive
 
 _SUM_TOLERANCE = 1e-5
 
+_LEFT_OUT = 0.01
+"""Share of a vertex's weight that an engine may leave out unseen."""
+
 _MORPH_LIMITS = ((1000, "three.js"), (256, "Filament"), (128, "Babylon.js and Blender, as far as tested"))
 """Morph targets that engines take, the most generous first."""
 
@@ -60,8 +63,8 @@ def _weights(primitive: Primitive, where: str) -> Iterator[Finding]:
             f"blend weights of vertex {vertex} are not largest first; engines that read four would take wrong ones"
         )
         yield error("weight-order", where, message)
-    if weights.shape[1] > 4 and weights[:, 4:].any():
-        left = 1 - weights[:, :4].sum(axis=1)
+    left = weights[:, 4:].sum(axis=1)
+    if left.max() > _LEFT_OUT:
         message = (
             f"three.js and VTK read four influences; they would leave out up to {left.max():.0%} of a vertex's weight"
         )
