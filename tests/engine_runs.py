@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+
+from garmentc.rig import Rig
 
 ENGINES = Path(__file__).parent / "engines"
 
@@ -60,3 +63,10 @@ def posed_positions(glbs: list[Path], poses: np.ndarray, translations: np.ndarra
     ]
     outs = run("three_pose_keys.mjs", [{"glb": str(glb), "poses": listed} for glb in glbs], folder)
     return [np.fromfile(out).reshape(len(poses), -1, 3) for out in outs]
+
+
+def first_four(rig: Rig) -> Rig:
+    """The rig with the four largest influences of each vertex: what three.js uses."""
+    weights = rig.weights.astype(np.float64)
+    np.put_along_axis(weights, np.argsort(-weights, axis=1, kind="stable")[:, 4:], 0, axis=1)
+    return replace(rig, weights=weights / weights.sum(axis=1, keepdims=True))

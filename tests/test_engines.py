@@ -93,13 +93,6 @@ def in_three(glbs: list[Path], times: list[float], folder: Path) -> dict[Case, n
     return dict(zip(CASES, engine_runs.animated_positions("three_cpu.mjs", glbs, times, folder), strict=True))
 
 
-def first_four(rig: Rig) -> Rig:
-    """The rig with the four largest influences of each vertex: what three.js uses."""
-    weights = rig.weights.astype(np.float64)
-    np.put_along_axis(weights, np.argsort(-weights, axis=1, kind="stable")[:, 4:], 0, axis=1)
-    return replace(rig, weights=weights / weights.sum(axis=1, keepdims=True))
-
-
 def expected(asset: Asset, rig: Rig) -> np.ndarray:
     motion = asset.clips[0].motion
     return rig.posed(motion.poses[list(FRAMES)], motion.trans[list(FRAMES)])[:, corner_vertices(asset)]
@@ -122,7 +115,7 @@ def test_gltf_transform_moves_every_vertex_as_the_rig_does(
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_three_moves_every_vertex_as_the_rig_does(in_three: dict[Case, np.ndarray], case: Case) -> None:
     asset = case.asset()
-    rig = first_four(asset.rig) if case.influences > 4 else asset.rig
+    rig = engine_runs.first_four(asset.rig) if case.influences > 4 else asset.rig
     tolerance = QUANTIZED if case.quantize else FLOAT
     np.testing.assert_allclose(in_three[case], expected(asset, rig), atol=tolerance, rtol=0)
 
