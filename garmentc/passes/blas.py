@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from functools import cache
+from typing import Any
 
 
 def single_threaded_blas() -> AbstractContextManager[object]:
@@ -11,7 +13,13 @@ def single_threaded_blas() -> AbstractContextManager[object]:
     OpenBLAS splits a product differently for each number of threads, so the last bits of the result change with it,
     and with them the bytes of the asset. Nothing here is large enough for that to cost more than a second.
     """
-    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
-
-    context: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
+    context: AbstractContextManager[object] = _controller().limit(limits=1, user_api="blas")
     return context
+
+
+@cache
+def _controller() -> Any:
+    """Finding the loaded libraries takes milliseconds, so they are found once."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()

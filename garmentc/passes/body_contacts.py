@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,17 +53,20 @@ def find_contacts(
     from scipy.spatial import cKDTree
 
     poses = np.asarray(poses, np.float32)
-    skins = body.astype(np.float32).posed(poses, betas)
-    near_joints = body.weights.astype(np.float32)[body.faces].mean(axis=1) @ _neighbouring_joints()
     weights = rig.weights.astype(np.float32)
+    near_joints = body.weights.astype(np.float32)[body.faces].mean(axis=1) @ _neighbouring_joints()
+    reachable = near_joints @ weights.max(axis=0) > _SHARED_WEIGHT  # the others cannot be in contact with any vertex
+    faces, near_joints = body.faces[reachable], near_joints[reachable]
+    skins = body.astype(np.float32).posed(poses, betas)
     transforms = joint_transforms(axis_angle_to_matrix(poses), rig.joints.astype(np.float32))[:, :, :3]
     rest = rig.template.astype(np.float32) + _displacements(rig, poses)
     clearance = np.full(rest.shape[:2], _FAR, dtype=np.float32)
     gradient = np.zeros(rest.shape, dtype=np.float32)
-    for index, skin in enumerate(skins):
+
+    def find(index: int) -> None:
         blended = (weights @ transforms[index].reshape(JOINT_COUNT, 12)).reshape(-1, 3, 4)
         points = np.einsum("nij,nj->ni", blended[:, :, :3], rest[index]) + blended[:, :, 3]
-        centers, normals = _planes(skin, body.faces)
+        centers, normals = _planes(skins[index], faces)
         nearest = cKDTree(centers, balanced_tree=False).query(points, distance_upper_bound=2 * depth)[1]
         found = np.flatnonzero(nearest < len(centers))
         nearest = nearest[found]
@@ -73,6 +77,9 @@ def find_contacts(
         rows = found[close]
         clearance[index, rows] = distance[close]
         gradient[index, rows] = np.einsum("nij,ni->nj", blended[rows, :, :3], normal[close])
+
+    with ThreadPoolExecutor() as pool:  # each pose fills its own rows, so the result is the same in any order
+        list(pool.map(find, range(len(poses))))
     return Contacts(clearance, gradient)
 
 

@@ -40,7 +40,7 @@ class FollowSkin:
     reach: float = 0.02
     saved: float = 5e-4
     clearance: float = 0.006
-    poses: int = 32
+    poses: int = 24
     anchors: int = 2000
     smoothing: int = 10
 
@@ -68,8 +68,8 @@ def follow_skin(
     for _ in range(options.smoothing):
         choice = np.maximum(saves, anchors.smoother @ choice)
     everywhere = np.empty(rig.vertex_count)
-    for rows, support, shares in anchors.supports(_VERTICES_AT_ONCE):
-        everywhere[rows] = (choice[support] * shares).sum(axis=1)
+    for rows, interpolator in anchors.interpolators(_VERTICES_AT_ONCE):
+        everywhere[rows] = interpolator @ choice
     followed = _mixed(rig, everywhere, skin, body, options.reach)
     moved = posed_error(rig, followed, poses.check)
     detail = f"{100 * everywhere.mean():.0f} % of the cloth follows the skin beneath; moved {moved}"

@@ -19,7 +19,7 @@ from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
 
 _VALUES_AT_ONCE = 2_000_000
-_CHECKED = 16
+_CHECKED = 12
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _smoothed(push: NDArray[np.float32], pushed: NDArray[np.bool_], smoother: An
 def _plus(shapes: NDArray[Any], added: NDArray[np.float32], anchors: Anchors) -> NDArray[np.float32]:
     """Blend shapes (M, N, 3) plus what is added to those of the anchors (M, n, 3), carried over to all vertices."""
     result = np.array(shapes, dtype=np.float32)
-    for rows, support, shares in anchors.supports(max(1, _VALUES_AT_ONCE // (3 * len(shapes)))):
-        for anchor, share in zip(support.T, shares.T, strict=True):
-            result[:, rows] += added[:, anchor] * share[:, None]
+    by_anchor = np.ascontiguousarray(added.transpose(1, 0, 2)).reshape(added.shape[1], -1)
+    for rows, interpolator in anchors.interpolators(max(1, _VALUES_AT_ONCE // (3 * len(shapes)))):
+        result[:, rows] += (interpolator @ by_anchor).reshape(-1, len(shapes), 3).transpose(1, 0, 2)
     return result

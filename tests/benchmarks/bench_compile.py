@@ -64,7 +64,7 @@ def write_tunic(path: Path, rings: int, around: int) -> None:
     body = load_default_body("neutral")
     trunk = [JOINT_NAMES.index(name) for name in ("pelvis", "spine1", "spine2", "spine3")]
     skin = body.v_template[body.weights[:, trunk].sum(axis=1) > 0.7]
-    low, high = np.percentile(skin[:, 1], [5, 85])
+    low, high = np.percentile(skin[:, 1], [10, 65])
     heights, angles = np.linspace(low, high, 24), np.linspace(-np.pi, np.pi, 36, endpoint=False)
     radii = np.array([[_radius(skin, height, angle) for angle in angles] for height in heights])
     v, u = np.linspace(0, 1, rings), np.arange(around) / around
