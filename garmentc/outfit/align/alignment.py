@@ -55,7 +55,7 @@ class Alignment:
     arms            degrees by which its arms hang below the T-pose's
     unpose_weights  (V, 24) blend weights by which the pose was undone, None for "T"
     fit             how the aligned outfit sits on the body's T-pose
-    misfits         by gender, metres: the cost of the best guess on each body that was tried (fit.misfit)
+    misfits         by gender, metres: how badly the outfit sits on each body that was tried (choose.gender_misfits)
     warnings        what was ambiguous or doesn't fit
     """
 
@@ -82,7 +82,7 @@ class Alignment:
 
     @property
     def summary(self) -> str:
-        """One line for people: "centimetres, Z up, facing -Y, origin on the floor, T-pose, male body"."""
+        """One line for people: "centimetres, Z up, facing -Y, origin at the floor, T-pose, male body"."""
         frame = self.frame
         words = [str(frame)]
         if frame.origin == FITTED:

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from garmentc.errors import Diagnostic
 from garmentc.outfit.align.axes import AS_BODY, Axes
-from garmentc.outfit.align.fit import ClothSample, misfit
+from garmentc.outfit.align.fit import ClothSample, misfit, unevenness
 from garmentc.outfit.align.guess import Guess, axes_prior, cheapest, guess, in_body_axes, known_stances
 from garmentc.outfit.align.options import AlignOptions
 from garmentc.outfit.align.origins import BODY
-from garmentc.outfit.align.refine import THIN, refined, sits_better_moved
+from garmentc.outfit.align.refine import THIN, arms_hang, refined, sits_better_moved
 from garmentc.outfit.align.search import list_axes, search_axes
 from garmentc.outfit.align.skin import RestBody
 
@@ -22,6 +22,9 @@ UNCERTAIN = 1.15
 
 CLOSE = 0.03
 """Metres: cloth farther than this from every body tells nothing about gender."""
+
+FEW_POINTS, LARGEST_GAP = 8, np.radians(100)
+"""A band has so many points close to the skin, in all directions, with no larger angle between them."""
 
 NEUTRAL = 1.05
 """The neutral body is taken where no other fits better by more than this factor."""
@@ -72,14 +75,16 @@ def choose_guesses(cloth: ClothSample, bodies: Bodies, options: AlignOptions) ->
 
 
 def gender_misfits(guesses: Guesses, cloth: ClothSample, bodies: Bodies) -> dict[str, float]:
-    """Metres by gender: how well each body is fitted by the cloth that is close to any of them.
+    """By gender, metres: how badly the cloth that is close to any of the bodies sits on each, times its guess's prior.
 
-    The hem of a skirt says nothing about who wears it, and there is more of it than of the waistband.
+    The hem of a skirt says nothing about who wears it, and there is more of it than of the waistband. Nor does a small
+    gap everywhere: another body may be held in the cloth as closely, but not as evenly.
     """
     distances = np.stack([_distance(cloth, bodies[gender], guesses[gender]) for gender in guesses])
     close = np.abs(distances).min(axis=0) < CLOSE
     told = distances[:, close] if close.any() else distances
-    return {gender: float(score) for gender, score in zip(guesses, misfit(told), strict=True)}
+    scores = misfit(told) + unevenness(told)
+    return {gender: guesses[gender].prior * float(score) for gender, score in zip(guesses, scores, strict=True)}
 
 
 def choose_gender(misfits: Mapping[str, float]) -> tuple[str, tuple[Diagnostic, ...]]:
@@ -114,18 +119,30 @@ def _distance(cloth: ClothSample, body: RestBody, chosen: Guess) -> NDArray[np.f
 
 def _hugs(cloth: ClothSample, bodies: Bodies, guesses: Guesses, options: AlignOptions) -> bool:
     """True for cloth that can't be meant otherwise: close to the skin nearly everywhere."""
-    if options.needs_pose:
+    gender = _best(guesses)
+    distance = _distance(cloth, bodies[gender], guesses[gender])
+    inside, gap = (distance < -0.01).mean(), np.abs(distance)
+    if options.needs_pose or inside > 0.005 or np.median(gap) > 0.04 or np.percentile(gap, 97) > 0.08:
         return False
-    distance = _distance(cloth, bodies[_best(guesses)], guesses[_best(guesses)])
-    gap = np.abs(distance)
-    return bool((distance < -0.01).mean() < 0.005 and np.median(gap) < 0.04 and np.percentile(gap, 97) < 0.08)
+    return not arms_hang(cloth, bodies[gender], guesses[gender], options)
 
 
 def _is_worn(cloth: ClothSample, bodies: Bodies, guesses: Guesses) -> bool:
-    """True for cloth that is worn, but in another pose (much is near) or loosely (a little is near, nothing inside)."""
-    distance = _distance(cloth, bodies[_best(guesses)], guesses[_best(guesses)])
+    """True for cloth that is worn, but in another pose (much is near) or loosely (a band of it lies round the body)."""
+    gender = _best(guesses)
+    distance = _distance(cloth, bodies[gender], guesses[gender])
     inside, gap = (distance < -0.01).mean(), np.abs(distance)
-    return bool((inside < 0.1 and np.median(gap) < 0.05) or (inside < 0.005 and np.percentile(gap, 1) < 0.02))
+    if inside < 0.1 and np.median(gap) < 0.05:
+        return True
+    surface = bodies[gender].skin(guesses[gender].stance.pose)
+    band = surface.normals[surface.nearest(cloth.points[gap < CLOSE])]
+    directions = np.sort(np.arctan2(band[:, 0], band[:, 2]))
+    return bool(inside < 0.005 and len(band) >= FEW_POINTS and _largest_gap(directions) < LARGEST_GAP)
+
+
+def _largest_gap(directions: NDArray[np.float64]) -> float:
+    """The largest angle between neighbours of sorted `directions`, radians."""
+    return float(np.diff(directions, append=directions[0] + 2 * np.pi).max())
 
 
 def _fits_turned_about(cloth: ClothSample, bodies: Bodies, as_is: Guesses, options: AlignOptions) -> bool:

@@ -68,8 +68,19 @@ def misfit(distance: NDArray[np.float64]) -> NDArray[np.float64]:
     It favours what is close: a skirt is placed by its waistband, not by its hem. And it is a length, so that outfits
     read in different units compare by misfit / size.
     """
-    cost = np.minimum(np.where(distance > 0, distance, -INSIDE_COST * distance), REACH)
-    mean: NDArray[np.float64] = (cost**EXPONENT).mean(axis=-1) ** (1 / EXPONENT)
+    return _power_mean(np.minimum(np.where(distance > 0, distance, -INSIDE_COST * distance), REACH))
+
+
+def unevenness(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Power mean of the differences of signed distances (..., S) from their median, metres; returns (...,).
+
+    Snug cloth lies equally close all over the body that it was made for.
+    """
+    return _power_mean(np.abs(distance - np.median(distance, axis=-1, keepdims=True)))
+
+
+def _power_mean(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    mean: NDArray[np.float64] = (lengths**EXPONENT).mean(axis=-1) ** (1 / EXPONENT)
     return mean
 
 

@@ -29,10 +29,15 @@ SLIGHT_TURN = np.radians(10)
 
 @dataclass(frozen=True)
 class Guess:
-    """Unit and axes, and how the body then stands; `cost` is the misfit relative to the outfit's size, times priors."""
+    """Unit and axes, and how the body then stands.
+
+    prior  how much better it must fit than usual guesses, a factor
+    cost   the misfit relative to the outfit's size, times the prior
+    """
 
     axes: Axes
     stance: Stance
+    prior: float
     cost: float
 
     @property
@@ -48,7 +53,8 @@ def guess(cloth: ClothSample, axes: Axes, stance: Stance) -> Guess:
         prior *= FITTED_PRIOR if stance.origin == FITTED else OTHER_ORIGIN_PRIOR
     if stance.angles.any():
         prior *= SLIGHT_TURN_PRIOR if largest_turn(stance.angles) < SLIGHT_TURN else A_POSE_PRIOR
-    return Guess(axes, stance, prior * stance.misfit * PER_METRE[axes.unit] / max(cloth.radius, 1e-300))
+    size = max(cloth.radius / PER_METRE[axes.unit], 1e-300)
+    return Guess(axes, stance, prior, prior * stance.misfit / size)
 
 
 def axes_prior(axes: Axes) -> float:

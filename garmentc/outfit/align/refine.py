@@ -53,6 +53,17 @@ def sits_better_moved(cloth: ClothSample, body: RestBody, known: Guess, options:
     return guess(cloth, known.axes, _rescored(there, body, moved)).cost < known.cost
 
 
+def arms_hang(cloth: ClothSample, body: RestBody, known: Guess, options: AlignOptions) -> bool:
+    """True where the outfit of a guess without A-pose sits better on a body with its arms lowered, by a quick look."""
+    if not options.fits_pose:
+        return False
+    thin = body.thinned(THIN)
+    points = in_body_axes(cloth, known.axes).points + known.stance.translation
+    poses = [a_pose(part * ARMS_DOWN) for part in (0.0, 0.4, 0.8)]
+    straight, *lowered = (float(misfit(thin.skin(pose).distance(points))) for pose in poses)
+    return min(lowered) < straight
+
+
 def _turned(cloth: ClothSample, body: RestBody, straight: Stance, start: Stance) -> Stance:
     """The best fitted A-pose, from that of `start` if it has one. Limbs that the cloth doesn't wrap stay straight."""
     starts = [start.angles] if start.angles.any() else [start.angles, ARMS_DOWN]
@@ -80,7 +91,13 @@ def _with_known_origins(cloth: ClothSample, body: RestBody, fitted: Stance) -> l
 
 
 def _rescored(cloth: ClothSample, body: RestBody, stance: Stance) -> Stance:
-    """`stance` as it is on the whole body; fitted translations are rounded to a tenth of a millimetre."""
+    """`stance` as it is on the whole body.
+
+    What was fitted is rounded, to 0.1 mm and 0.1 mrad, so that the last bits of the fit don't show in the output.
+    """
+    if stance.angles.any():
+        angles = np.round(stance.angles, 4)
+        stance = replace(stance, pose=a_pose(angles), angles=angles)
     surface = body.skin(stance.pose)
     fitted = stance.origin == FITTED
     translation = np.round(stance.translation, 4) if fitted else origin_translation(stance.origin, surface)
