@@ -48,21 +48,26 @@ class Anchors:
         row, share = np.repeat(np.arange(len(own)), count), np.full(nearest.size, 1 / count, dtype=np.float32)
         return csr_matrix((share, (row, nearest.ravel())), shape=(len(own), len(own)))
 
-    def supports(self, size: int) -> Iterator[tuple[slice, NDArray[np.intp], NDArray[np.float32]]]:
-        """Blocks of at most `size` vertices, the anchors (B, k) that each hangs on, and by how much (B, k).
+    def interpolators(self, size: int) -> Iterator[tuple[slice, Any]]:
+        """Blocks of at most `size` vertices and, for each, the sparse (B, n) float32 that takes anchors' values to it.
 
         Shares fall with the square of the distance and sum to 1; an anchor hangs on itself.
         """
-        count = len(self.places)
+        from scipy.sparse import csr_matrix
+
+        everyone, count = len(self.rows) == len(self.places), len(self.places)
+        ranks = np.arange(1, min(_SUPPORT, len(self.rows)) + 1)
         for start in range(0, count, size):
             rows = slice(start, min(start + size, count))
-            if len(self.rows) == count:
-                yield rows, np.arange(rows.start, rows.stop)[:, None], np.ones((rows.stop - start, 1), np.float32)
-                continue
-            ranks = np.arange(1, min(_SUPPORT, len(self.rows)) + 1)
-            distance, nearest = self._tree.query(self.places[rows], k=ranks)
-            share = 1 / np.maximum(distance, 1e-9) ** 2
-            yield rows, nearest, (share / share.sum(axis=1, keepdims=True)).astype(np.float32)
+            if everyone:
+                nearest, share = np.arange(rows.start, rows.stop)[:, None], np.ones((rows.stop - start, 1))
+            else:
+                distance, nearest = self._tree.query(self.places[rows], k=ranks)
+                share = 1 / np.maximum(distance, 1e-9) ** 2
+                share /= share.sum(axis=1, keepdims=True)
+            ends = np.arange(len(nearest) + 1) * nearest.shape[1]
+            shape = (len(nearest), len(self.rows))
+            yield rows, csr_matrix((share.ravel().astype(np.float32), nearest.ravel(), ends), shape=shape)
 
     @cached_property
     def _tree(self) -> Any:
