@@ -10,6 +10,16 @@ from pathlib import Path
 import pytest
 from cli_samples import write_top
 
+
+def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run as from a terminal: a runner in the background may ignore Ctrl-C, and its children inherit that."""
+
+    def listen() -> None:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    return subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=listen)
+
+
 _SIGNALLED_BEFORE_THE_FILE_IS_REPLACED = """
 import os, sys
 from pathlib import Path
@@ -34,7 +44,7 @@ def test_an_earlier_output_stays_whole(tmp_path: Path, number: signal.Signals) -
     output.write_bytes(b"earlier")
     script = [sys.executable, "-c", _SIGNALLED_BEFORE_THE_FILE_IS_REPLACED, str(int(number))]
     arguments = ["compile", outfit, "-o", output, "--quiet", "--gender", "female"]
-    result = subprocess.run([*script, *arguments], capture_output=True, text=True, check=False)
+    result = _run([*script, *map(str, arguments)])
     assert output.read_bytes() == b"earlier"
     if number is signal.SIGKILL:
         assert result.returncode == -signal.SIGKILL
@@ -47,6 +57,6 @@ def test_an_earlier_output_stays_whole(tmp_path: Path, number: signal.Signals) -
 def test_interrupted_at_the_start() -> None:
     script = "import os, signal, sys; from garmentc.cli import main, commands\n"
     script += "commands.main = lambda **_: os.kill(os.getpid(), signal.SIGINT)\nsys.exit(main([]))"
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    result = _run([sys.executable, "-c", script])
     assert result.returncode == 130
     assert result.stderr == "garmentc: error: interrupted; no output file was changed\n"
