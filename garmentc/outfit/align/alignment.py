@@ -32,7 +32,7 @@ __all__ = ["AlignOptions", "Alignment", "align"]
 SAMPLE = 600
 """Points on the cloth that guesses are judged by."""
 
-MEASURED = 20_000
+MEASURED = 5_000
 """Vertices at most that the reported fit is measured at."""
 
 LOOSE = 0.08

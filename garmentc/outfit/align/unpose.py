@@ -13,7 +13,7 @@ from garmentc.outfit.topology import edges, unit_rows, weld
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.nearest import surface_body_weights
 from garmentc.smpl.rotations import axis_angle_to_matrix
-from garmentc.smpl.skinning import joint_transforms, skin
+from garmentc.smpl.skinning import joint_transforms
 
 STRETCH = 2.0
 """Edges that unposing makes this many times longer (or shorter, squared) get smoother weights."""
@@ -33,7 +33,8 @@ def unpose(
     """
     joints = body.joints(betas).astype(np.float64)
     transforms = joint_transforms(axis_angle_to_matrix(pose), joints)
-    worn = skin(body.shaped(betas).astype(np.float64), body.weights, transforms)
+    on_body = _blended(body.weights.astype(np.float64), transforms)
+    worn = np.einsum("nij,nj->ni", on_body[..., :3], body.shaped(betas)) + on_body[..., 3]
     weights = surface_body_weights(outfit.vertices, worn, body).astype(np.float64)
 
     welded = weld(outfit)
@@ -87,8 +88,9 @@ def _averaging(mesh_edges: NDArray[np.int32], count: int) -> Any:
 
 
 def _blended(weights: NDArray[np.float64], transforms: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3, 4) blended transforms."""
-    return (weights @ transforms[:, :3, :].reshape(-1, 12)).reshape(-1, 3, 4)
+    """(N, 3, 4) blended transforms. Not a matrix product: BLAS's last bits depend on the number of threads."""
+    blended: NDArray[np.float64] = np.einsum("nj,jk->nk", weights, transforms[:, :3, :].reshape(-1, 12))
+    return blended.reshape(-1, 3, 4)
 
 
 def _inverse(blended: NDArray[np.float64], vertices: NDArray[np.float64]) -> NDArray[np.float64]:
