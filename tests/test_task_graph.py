@@ -194,9 +194,9 @@ def test_more_outfits_are_appended(plan: Plan, expected: dict[str, bytes], tmp_p
     assert len(made.entries) == 14
     kept = {name: data for name, data in expected.items() if name.startswith("sequences/")}
     assert kept.items() <= _files(tmp_path).items()
-    with pytest.raises(GarmentcError, match="holds another dataset"):
+    with pytest.raises(GarmentcError, match=r"holds another dataset \(fewer outfits\)"):
         run_plan(plan, tmp_path, skinned_patch)
-    with pytest.raises(GarmentcError, match="holds another dataset"):
+    with pytest.raises(GarmentcError, match=r"holds another dataset \(motions, seed\); give the options"):
         run_plan(make_plan(PRESETS["small"], seed=4, outfits=7), tmp_path, skinned_patch)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from garmentc import __version__
 from garmentc.errors import GarmentcError
 from garmentc.simulation.outfit_parameters import CATEGORIES, OutfitParameters
 from garmentc.simulation.outfit_sampling import sample_parameters
@@ -89,6 +90,7 @@ class Plan:
     def document(self) -> dict[str, Any]:
         """What tells one plan from another, as JSON values."""
         return {
+            "garmentc": __version__,
             "preset": self.preset.name,
             "seed": self.seed,
             "outfits": len(self.outfits),

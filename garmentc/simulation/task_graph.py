@@ -189,13 +189,12 @@ def _begin(plan: Plan, folder: Path) -> None:
     make_folders(folder)
     document = plan.document()
     if (folder / MANIFEST).exists():
-        former = open_dataset(folder)
-        grown = {**document, "outfits": former.plan.get("outfits")}
-        if former.plan != grown or former.plan["outfits"] > document["outfits"]:
-            raise GarmentcError(
-                "holds another dataset; give the options that it was made with, or more outfits, or an empty folder",
-                folder,
-            )
+        former = open_dataset(folder).plan
+        others = sorted(key for key in former | document if key != "outfits" and former.get(key) != document.get(key))
+        if others or former["outfits"] > document["outfits"]:
+            what = ", ".join(others or ["fewer outfits"]).replace("garmentc", "another version of garmentc")
+            said = f"holds another dataset ({what}); give the options that it was made with, or an empty folder"
+            raise GarmentcError(said, folder)
     for part in (SEQUENCES, REJECTED):
         for leftover in (folder / part).glob(".*.tmp"):
             with suppress(OSError):
