@@ -122,7 +122,7 @@ class Measured:
     findings         garmentc's own
     gltf_transform   against the rig
     three            against the rig limited to the four influences that three.js reads
-    rest             at rest with zero morph weights, against the OBJ file's numbers
+    rest             at rest with zero morph weights, against the OBJ file's numbers (through `to_body`, see `measure`)
     step             of the positions' quantization, 0 for float
     sparse           share of the blend shapes' accessors that are sparse
     """
@@ -144,8 +144,11 @@ class Measured:
         return QUANTIZED if self.step else FLOAT
 
 
-def measure(cases: list[Case], folder: Path) -> dict[Case, Measured]:
-    """Compile all cases and run each engine once."""
+def measure(cases: list[Case], folder: Path, to_body: np.ndarray | None = None) -> dict[Case, Measured]:
+    """Compile all cases and run each engine once.
+
+    to_body  (4, 4) from the OBJs' coordinates to metres in the body's axes, known to their makers; None is the identity
+    """
     engine_runs.require_engines()
     compiled = [compile_case(each, folder) for each in cases]
     paths = [each.path for each in compiled]
@@ -164,7 +167,7 @@ def measure(cases: list[Case], folder: Path) -> dict[Case, Measured]:
             findings=validate_glb(glb),
             gltf_transform=largest(transformed - each.moved(each.rig, FRAMES)),
             three=largest(shown - each.moved(engine_runs.first_four(each.rig), FRAMES)),
-            rest=rest_error(each, glb),
+            rest=rest_error(each, glb, np.eye(4) if to_body is None else to_body),
             step=quantization_step(glb),
             sparse=sparse_share(glb),
             summary=alignment.summary,
@@ -185,9 +188,9 @@ def obj_points(path: Path) -> np.ndarray:
     return np.array([line.split()[1:4] for line in path.read_text().splitlines() if line.startswith("v ")], dtype=float)
 
 
-def rest_error(compiled: Compiled, glb: GlbAsset) -> float:
+def rest_error(compiled: Compiled, glb: GlbAsset, to_body: np.ndarray) -> float:
     """The largest coordinate between the file at rest and its OBJ, vertex by vertex, with no vertex of the OBJ lost."""
-    points = obj_points(compiled.case.outfit)
+    points = obj_points(compiled.case.outfit) @ to_body[:3, :3].T + to_body[:3, 3]
     resting = np.concatenate(world_positions(glb, rest_state(glb)))
     lost, _ = cKDTree(resting).query(points, p=np.inf)
     return max(largest(resting - points[compiled.obj_vertices]), float(lost.max()))
