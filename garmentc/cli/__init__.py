@@ -25,6 +25,7 @@ COMMANDS = {
     "pose": "Evaluate a .glb at a frame, a time or a pose; write OBJ or PLY.",
     "body": "Show the body model or export it at given betas and pose.",
     "evaluate": "Measure collisions and stretched edges of a .glb on a motion.",
+    "simulate": "Make a dataset of outfits in motion by simulation.",
     "dataset": "Check, draw and import datasets of outfits in motion.",
 }
 
