@@ -48,6 +48,9 @@ STAGES = ("read", "align", "infer", "optimise", "emit")
 
 Progress = Callable[[str, float], None]
 
+CHECKED_POSES = 32
+"""Poses that the error of a pass is measured on; a quarter as many frames of the motions join them."""
+
 
 def compile_outfit(
     outfit: str | PathLike[str],
@@ -174,7 +177,7 @@ def passes(options: CompileOptions, body: BodyModel, betas: NDArray[Any] | None)
 def optimise(rig: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Rig, tuple[PassReport, ...]]:
     """Run the passes. Each says what it costs in posed vertices."""
     frames = [motion.poses for motion in dressed.motions]
-    poses = plausible_poses(np.concatenate(frames) if frames else None)
+    poses = plausible_poses(np.concatenate(frames) if frames else None, check=CHECKED_POSES)
     reports = []
     for run in passes(options, dressed.alignment.body, dressed.alignment.betas):
         rig, report = run(rig, poses)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -78,7 +79,7 @@ def find_contacts(
         clearance[index, rows] = distance[close]
         gradient[index, rows] = np.einsum("nij,ni->nj", blended[rows, :, :3], normal[close])
 
-    with ThreadPoolExecutor() as pool:  # each pose fills its own rows, so the result is the same in any order
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # each pose fills its own rows: the order does not matter
         list(pool.map(find, range(len(poses))))
     return Contacts(clearance, gradient)
 

@@ -40,7 +40,7 @@ class FollowSkin:
     reach: float = 0.02
     saved: float = 5e-4
     clearance: float = 0.006
-    poses: int = 24
+    poses: int = 20
     anchors: int = 2000
     smoothing: int = 10
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -47,7 +48,7 @@ def posed_error(before: Rig, after: Rig, poses: NDArray[Any], max_vertices: int 
         apart: NDArray[np.float64] = np.linalg.norm(before.posed(block) - after.posed(block), axis=-1)
         return apart.ravel()
 
-    with single_threaded_blas(), ThreadPoolExecutor() as pool:
+    with single_threaded_blas(), ThreadPoolExecutor(os.cpu_count()) as pool:
         blocks = [poses[start : start + count] for start in range(0, len(poses), count)]
         mm = 1000 * np.concatenate(list(pool.map(distances, blocks)))
     return PosedError(float(mm.mean()), float(np.percentile(mm, 99)), float(mm.max()), len(rows), len(poses))

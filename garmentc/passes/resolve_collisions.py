@@ -19,7 +19,7 @@ from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
 
 _VALUES_AT_ONCE = 2_000_000
-_CHECKED = 12
+_CHECKED = 8
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class ResolveCollisions:
     """
 
     clearance: float = 0.006
-    poses: int = 48
+    poses: int = 40
     anchors: int = 2000
     iterations: int = 4
     ridge: float = 3.0
