@@ -4,13 +4,14 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 OUT    := out
+DATA   ?= $(HOME)/garmentc-data
 MOTION := examples/motions/step_turn_raise.npz
 
 INSTALLED      := $(VENV)/installed.stamp
 TEST_INSTALLED := $(VENV)/installed-test.stamp
 ENGINES        := tests/engines/node_modules/installed.stamp
 
-.PHONY: install demo test check bench body clean
+.PHONY: install demo test check bench body data clean
 .DEFAULT_GOAL := install
 
 install: $(INSTALLED)
@@ -55,6 +56,12 @@ bench: $(TEST_INSTALLED)
 # Builds the default body anew from its CC0 source, byte for byte as it is in the repository.
 body: $(TEST_INSTALLED)
 	$(BIN)/python -m garmentc.smpl.build_body
+
+# Some 6 CPU hours and 400 MB, by estimate; may be stopped at any time and goes on where it was.
+data: $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --editable ".[simulate]"
+	$(BIN)/garmentc simulate --preset benchmark-v1 --out $(DATA)/benchmark-v1
+	$(BIN)/garmentc simulate --preset tshirt --out $(DATA)/tshirt
 
 clean:
 	rm -rf $(OUT) $(VENV) tests/engines/node_modules
