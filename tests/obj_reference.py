@@ -46,7 +46,10 @@ def parse(data: bytes) -> ObjModel:
             getattr(model, keyword).append(values + (0.0,) * (width - len(values)))
         elif keyword == "f":
             tables = (model.v, model.vt, model.vn)
-            corners = [tuple(_index(text, table) for text, table in zip((word + "//").split("/"), tables, strict=False)) for word in words]
+            corners = []
+            for word in words:
+                texts = (word + "//").split("/")
+                corners.append(tuple(_index(text, table) for text, table in zip(texts, tables, strict=False)))
             model.faces.append(Face(corners, material, "/".join(filter(None, names.values())), smooth, first + 1))
         elif keyword == "usemtl":
             material = _name(rest)
