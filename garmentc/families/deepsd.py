@@ -91,7 +91,9 @@ def _sessions(bundle: Bundle, threads: int) -> _Sessions:
     names = {value.name for value in (*bundle.outfit.graph.input, *bundle.outfit.graph.output)}
     missing = {VERTICES, NORMALS, NEIGHBORS, WEIGHTS, SHAPES} - names
     if missing:
-        raise GarmentcError(f"the outfit graph has no input or output named {', '.join(sorted(missing))}", path)
+        raise GarmentcError(
+            f"the outfit graph has no input or output named {', '.join(sorted(missing))}; export the bundle again", path
+        )
     cuts = (
         ([VERTICES, NORMALS, NEIGHBORS], [LOCAL, CANDIDATES]),
         ([CANDIDATES], [GLOBAL]),

@@ -88,7 +88,7 @@ def _check_corners(text: ObjText, tables: Tables) -> None:
             face = int(np.searchsorted(np.cumsum(tables.counts), corner, side="right"))
             number = int(tables.corners[corner, column]) + 1
             message = f"face refers to '{name}' number {number}, but the file has {len(rows)}"
-            raise text.error(message, int(tables.offsets[face]))
+            raise text.error(f"{message}; it may be cut short, export it again", int(tables.offsets[face]))
 
 
 def _no_faces(text: ObjText, tables: Tables) -> GarmentcError:

@@ -48,7 +48,7 @@ def parse_corners(block: Block, starts: NDArray[np.int64]) -> NDArray[np.int64]:
         corners = np.full((len(starts), 3), ABSENT)
         corners[corner[given], field[given]] = values
     if (corners == 0).any():
-        raise BadToken("index 0: OBJ counts from 1", int(np.argmax((corners == 0).any(axis=1))))
+        raise BadToken("index 0: OBJ counts from 1; export again or add 1", int(np.argmax((corners == 0).any(axis=1))))
     return corners
 
 

@@ -118,4 +118,4 @@ def _not_usable(token: bytes) -> str:
         return f"{shown} is too large; check the units of the export"
     if _FLOAT.fullmatch(token.replace(b",", b".")):
         return f"{shown} has a decimal comma; export with decimal points"
-    return f"{shown} is not a number"
+    return f"{shown} is not a number; repair the line or export again"

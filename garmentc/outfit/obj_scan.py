@@ -190,7 +190,10 @@ def _add_rows(text: ObjText, block: Block, name: str, parts: _Parts) -> None:
     if not np.isin(counts, allowed).all():
         wrong = int(np.argmin(np.isin(counts, allowed)))
         wanted = ", ".join(map(str, allowed[:-1])) + f" or {allowed[-1]}" if allowed[1:] else str(allowed[0])
-        raise text.error(f"'{name}' has {counts[wrong]} numbers; expected {wanted}", int(block.origin[wrong]))
+        raise text.error(
+            f"'{name}' has {counts[wrong]} numbers; expected {wanted}; repair the line or export again",
+            int(block.origin[wrong]),
+        )
     try:
         values = parse_floats(block, len(starts))
     except BadToken as bad:
@@ -231,7 +234,10 @@ def _add_faces(text: ObjText, block: Block, before: dict[str, NDArray[np.int64]]
     counts = block.counts(starts)
     if (counts < 3).any():
         wrong = int(np.argmax(counts < 3))
-        raise text.error(f"a face with {counts[wrong]} corners; it needs 3 or more", int(block.origin[wrong]))
+        raise text.error(
+            f"a face with {counts[wrong]} corners; it needs 3 or more; remove it or export again",
+            int(block.origin[wrong]),
+        )
     try:
         corners = parse_corners(block, starts)
     except BadToken as bad:

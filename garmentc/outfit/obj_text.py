@@ -49,11 +49,11 @@ def read_text(path: Path) -> ObjText:
     if path.is_dir():
         raise GarmentcError("is a folder; name the file in it", path)
     if path.exists() and not path.is_file():
-        raise GarmentcError("is not a regular file", path)
+        raise GarmentcError("is not a regular file; copy it to one", path)
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        raise GarmentcError("no such file", path) from None
+        raise GarmentcError("no such file; check the path", path) from None
     except (OSError, ValueError) as error:
         raise GarmentcError(f"cannot be read: {getattr(error, 'strerror', None) or error}", path) from None
     return uniform_text(path, data)
@@ -98,7 +98,7 @@ def _join_continued(data: bytes) -> bytes:
 
 def _refuse_binary(path: Path, data: bytes) -> None:
     if not data:
-        raise GarmentcError("is empty", path)
+        raise GarmentcError("is empty; export it again", path)
     if data.startswith(_WIDE_BOMS):
         raise GarmentcError("is UTF-16 or UTF-32 text; save it as UTF-8", path)
     for magic, kind in _MAGIC:
