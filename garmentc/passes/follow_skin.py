@@ -38,7 +38,6 @@ class FollowSkin:
     """
 
     reach: float = 0.02
-    tight: float = 0.003
     saved: float = 5e-4
     clearance: float = 0.006
     poses: int = 20
@@ -53,8 +52,7 @@ def follow_skin(
 
     A network knows a body's joints roughly: a short sleeve that follows the trunk a little too much lets the arm
     through. The skin's own weights are right there, but make everything else as stiff as skin. So each vertex takes
-    them as far as that saves it from penetration in the poses to fit, or as it clings to the skin anyway, as a sock
-    does; all others keep the network's.
+    them as far as that saves it from penetration in the poses to fit, and all others keep the network's.
     """
     skin = body.shaped(betas)
     anchors = Anchors.of(rig, options.anchors)
@@ -65,11 +63,10 @@ def follow_skin(
         contacts = find_contacts(side_by_side(part, all_in), body, betas, poses.some(options.poses), _DEPTH)
     lacking = np.maximum(np.concatenate([wanted, wanted]) - contacts.clearance, 0).mean(axis=0)
     before, after = np.split(lacking, 2)
-    clings = np.exp(-((closest_on_surface(part.template, skin, body.faces).distance / options.tight) ** 2))
-    follows = np.maximum(clings, np.clip((before - after) / options.saved, 0, 1))
-    choice = follows
+    saves = np.clip((before - after) / options.saved, 0, 1)
+    choice = saves
     for _ in range(options.smoothing):
-        choice = np.maximum(follows, anchors.smoother @ choice)
+        choice = np.maximum(saves, anchors.smoother @ choice)
     everywhere = np.empty(rig.vertex_count)
     for rows, interpolator in anchors.interpolators(_VERTICES_AT_ONCE):
         everywhere[rows] = interpolator @ choice
