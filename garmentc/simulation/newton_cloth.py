@@ -99,6 +99,7 @@ class NewtonCloth:
                 iterations=settings.iterations, linear_iterations=settings.linear_iterations
             )
             self._solver = newton.solvers.SolverStyle3D(model, config=config)
+            self._solver.linear_solver = _conjugate_gradient(len(vertices), self._solver.collision)
             if settings.self_collision:
                 self._solver.collision.radius = settings.self_collision_radius
             else:
@@ -186,6 +187,12 @@ def import_newton() -> tuple[Any, Any]:
     except ImportError as error:
         raise GarmentcError("simulation needs Newton; install it with: pip install 'garmentc[simulate]'") from error
     return newton, wp
+
+
+def _conjugate_gradient(count: int, collision: Any) -> Any:
+    from garmentc.simulation.conjugate_gradient import ConjugateGradient
+
+    return ConjugateGradient(count, collision.contact_hessian_diagonal())
 
 
 def _flattened(corners: NDArray[np.float64]) -> NDArray[np.float64]:

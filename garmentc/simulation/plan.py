@@ -77,7 +77,9 @@ class Plan:
     def tasks_of(self, outfit: PlannedOutfit) -> tuple[Task, ...]:
         """The outfit's sequences: some known motions, some held-out ones, drawn by the outfit's name."""
         drawn: list[PlannedMotion] = []
-        for held_out, count in ((False, self.preset.known_motions), (True, self.preset.new_motions)):
+        sampled = digest(self.seed, "known", outfit.name) % self.preset.known_sampled == 0
+        new = self.preset.new_motions if outfit.held_out or sampled else 0
+        for held_out, count in ((False, self.preset.known_motions), (True, new)):
             pool = [motion for motion in self.motions if motion.held_out == held_out]
             drawn += sorted(pool, key=lambda motion: digest(self.seed, outfit.name, motion.name))[:count]
         return tuple(Task(outfit, motion, digest(self.seed, outfit.name, motion.name) >> 33) for motion in drawn)
@@ -99,6 +101,7 @@ class Plan:
             "new_frames": self.preset.new_frames,
             "known_motions": self.preset.known_motions,
             "new_motions": self.preset.new_motions,
+            "known_sampled": self.preset.known_sampled,
             "motions": [_motion_document(motion) for motion in self.motions],
         }
 

@@ -29,8 +29,9 @@ class Preset:
     walks             built-in motions: walks through sampled poses
     held_out_motions  of those
     known_motions     motions of each outfit that training may see
-    new_motions       motions of each outfit from the held-out ones
-    frames            length of a motion; the way in from rest, which is not kept, costs as much as some forty frames
+    new_motions       motions of each held-out outfit from the held-out ones,
+    known_sampled     and of one in so many of the others
+    frames            length of a motion; the way in from rest, which is not kept, costs as much as some eighty frames
     new_frames        length of a held-out one
     fps               frames a second
     categories        taken in turn
@@ -44,6 +45,7 @@ class Preset:
     held_out_motions: int
     known_motions: int
     new_motions: int
+    known_sampled: int
     frames: int
     new_frames: int
     fps: float = 30.0
@@ -54,12 +56,13 @@ class Preset:
 
 BENCHMARK = Preset(
     "benchmark-v1",
-    outfits=130,  # some fail
-    walks=60,
+    outfits=135,  # some fail
+    walks=150,
     held_out_motions=3,
-    known_motions=2,
-    new_motions=1,
-    frames=100,
+    known_motions=1,
+    new_motions=2,
+    known_sampled=6,
+    frames=230,
     new_frames=64,
 )
 
@@ -70,6 +73,7 @@ TSHIRT = Preset(
     held_out_motions=3,
     known_motions=1,
     new_motions=1,
+    known_sampled=1,
     frames=120,
     new_frames=64,
     tshirt=True,
@@ -82,6 +86,7 @@ SMALL = Preset(
     held_out_motions=1,
     known_motions=1,
     new_motions=1,
+    known_sampled=1,
     frames=12,
     new_frames=12,
     vertex_limit=900,
