@@ -1,61 +1,32 @@
-"""What other people's programs make of our files: the Khronos validator, glTF-Transform and three.js."""
+"""What other people's programs make of our files: the Khronos validator, glTF-Transform, three.js, Babylon.js."""
 
 from __future__ import annotations
 
 import io
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import product
 from pathlib import Path
 
 import engine_runs
 import numpy as np
 import pytest
+from conformance.gowns import QUICK, TIMES, Gown, write_gowns
 from gltf_samples import corner_vertices, make_asset
 from PIL import Image
 
-from garmentc.gltf.asset import Asset
 from garmentc.gltf.write import write_glb
 from garmentc.outfit.outfit import Material, Texture
-from garmentc.rig import Rig
 from garmentc.smpl.pose_sampler import sample_poses
 
 FLOAT, QUANTIZED = 2e-6, 2e-4  # metres
-FRAMES = (0, 7, 17, 29)
 
 
 @dataclass(frozen=True)
-class Case:
-    influences: int
-    morphs: int
-    sparse: bool
-    quantize: bool
-    parts: int = 2
-    normals: bool = True
+class Moved:
+    """World positions (T, S, 3) at TIMES, by an engine that perhaps reads only four influences."""
 
-    def __str__(self) -> str:
-        words = ["sparse" if self.sparse else "dense", "quantized" if self.quantize else "float"]
-        words += [f"{self.parts}parts"] if self.parts != 2 else []
-        words += [] if self.normals else ["nonormals"]
-        return f"{self.influences}-{self.morphs}-" + "-".join(words)
-
-    def asset(self) -> Asset:
-        return _asset(self)
-
-
-@cache
-def _asset(case: Case) -> Asset:
-    options = {"sparse": case.sparse, "quantize": case.quantize, "key_tolerance": 0}
-    return make_asset(case.morphs, case.influences, case.parts, case.normals, **options)
-
-
-CASES = [
-    *(Case(*values) for values in product((4, 8), (8, 32, 128), (False, True), (False, True))),
-    Case(4, 8, True, False, parts=1),
-    Case(4, 8, True, True, parts=4),
-    Case(4, 8, True, False, normals=False),
-    Case(4, 0, True, False),
-]
+    four_influences: bool
+    positions: dict[Gown, np.ndarray]
 
 
 @pytest.fixture(scope="module")
@@ -66,58 +37,32 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def glbs(folder: Path) -> list[Path]:
-    paths = [folder / f"{case}.glb" for case in CASES]
-    for case, path in zip(CASES, paths, strict=True):
-        write_glb(case.asset(), path)
-    return paths
+    return write_gowns(QUICK, folder)
 
 
 @pytest.fixture(scope="module")
-def times() -> list[float]:
-    return [float(np.float32(frame / 30)) for frame in FRAMES]
+def reports(glbs: list[Path], folder: Path) -> dict[Gown, dict]:
+    return dict(zip(QUICK, engine_runs.khronos_reports(glbs, folder), strict=True))
 
 
-@pytest.fixture(scope="module")
-def reports(glbs: list[Path], folder: Path) -> dict[Case, dict]:
-    return dict(zip(CASES, engine_runs.khronos_reports(glbs, folder), strict=True))
+@pytest.fixture(scope="module", params=["gltf_transform.mjs", "three_cpu.mjs", "babylon.mjs"])
+def moved(request: pytest.FixtureRequest, glbs: list[Path], folder: Path) -> Moved:
+    """What each engine makes of all files."""
+    found = engine_runs.animated_positions(request.param, glbs, TIMES, folder)
+    return Moved(four_influences=request.param == "three_cpu.mjs", positions=dict(zip(QUICK, found, strict=True)))
 
 
-@pytest.fixture(scope="module")
-def in_gltf_transform(glbs: list[Path], times: list[float], folder: Path) -> dict[Case, np.ndarray]:
-    found = engine_runs.animated_positions("gltf_transform.mjs", glbs, times, folder)
-    return dict(zip(CASES, found, strict=True))
+@pytest.mark.parametrize("gown", QUICK, ids=str)
+def test_the_khronos_validator_is_content(reports: dict[Gown, dict], gown: Gown) -> None:
+    engine_runs.assert_valid(reports[gown])
 
 
-@pytest.fixture(scope="module")
-def in_three(glbs: list[Path], times: list[float], folder: Path) -> dict[Case, np.ndarray]:
-    return dict(zip(CASES, engine_runs.animated_positions("three_cpu.mjs", glbs, times, folder), strict=True))
-
-
-def expected(asset: Asset, rig: Rig) -> np.ndarray:
-    motion = asset.clips[0].motion
-    return rig.posed(motion.poses[list(FRAMES)], motion.trans[list(FRAMES)])[:, corner_vertices(asset)]
-
-
-@pytest.mark.parametrize("case", CASES, ids=str)
-def test_the_khronos_validator_is_content(reports: dict[Case, dict], case: Case) -> None:
-    engine_runs.assert_valid(reports[case])
-
-
-@pytest.mark.parametrize("case", CASES, ids=str)
-def test_gltf_transform_moves_every_vertex_as_the_rig_does(
-    in_gltf_transform: dict[Case, np.ndarray], case: Case
-) -> None:
-    asset = case.asset()
-    tolerance = QUANTIZED if case.quantize else FLOAT
-    np.testing.assert_allclose(in_gltf_transform[case], expected(asset, asset.rig), atol=tolerance, rtol=0)
-
-
-@pytest.mark.parametrize("case", CASES, ids=str)
-def test_three_moves_every_vertex_as_the_rig_does(in_three: dict[Case, np.ndarray], case: Case) -> None:
-    asset = case.asset()
-    rig = engine_runs.first_four(asset.rig) if case.influences > 4 else asset.rig
-    tolerance = QUANTIZED if case.quantize else FLOAT
-    np.testing.assert_allclose(in_three[case], expected(asset, rig), atol=tolerance, rtol=0)
+@pytest.mark.parametrize("gown", QUICK, ids=str)
+def test_an_engine_moves_every_vertex_as_the_rig_does(moved: Moved, gown: Gown) -> None:
+    rig = gown.asset().rig
+    expected = gown.expected(engine_runs.first_four(rig) if moved.four_influences and gown.influences > 4 else rig)
+    tolerance = QUANTIZED if gown.quantize else FLOAT
+    np.testing.assert_allclose(moved.positions[gown], expected, atol=tolerance, rtol=0)
 
 
 def test_three_drives_the_pose_keys_as_the_document_says(folder: Path) -> None:

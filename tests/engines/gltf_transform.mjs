@@ -2,10 +2,12 @@
 // quantized accessors, the scene); morphing and skinning are done here, from the formulas of the glTF specification.
 
 import {NodeIO} from '@gltf-transform/core';
-import {KHRONOS_EXTENSIONS} from '@gltf-transform/extensions';
-import {jobs, writePositions} from './jobs.mjs';
+import {ALL_EXTENSIONS} from '@gltf-transform/extensions';
+import {MeshoptDecoder} from 'meshoptimizer';
+import {eachJob, writePositions} from './jobs.mjs';
 
-const io = new NodeIO().registerExtensions(KHRONOS_EXTENSIONS);
+await MeshoptDecoder.ready;
+const io = new NodeIO().registerExtensions(ALL_EXTENSIONS).registerDependencies({'meshopt.decoder': MeshoptDecoder});
 
 /** All elements of an accessor as plain numbers, normalised integers as fractions. */
 function numbers(accessor) {
@@ -86,7 +88,7 @@ function skinned({positions, targets, sets}, morphWeights, matrices) {
   return result;
 }
 
-for (const {glb, out, times} of jobs) {
+await eachJob(async ({glb, out, times}) => {
   const root = (await io.read(glb)).getRoot();
   const animation = root.listAnimations()[0];
   const channels = animation ? channelsOf(animation) : [];
@@ -115,4 +117,4 @@ for (const {glb, out, times} of jobs) {
     }
   }
   writePositions(out, positions);
-}
+});

@@ -1,10 +1,10 @@
 // World positions of every vertex at the given times of the first animation, by three.js.
 // three.js uses JOINTS_0 and WEIGHTS_0 only, scaled to sum to 1.
 
-import {jobs, writePositions} from './jobs.mjs';
+import {eachJob, writePositions} from './jobs.mjs';
 import {THREE, load, worldPositions} from './three_scene.mjs';
 
-for (const {glb, out, times} of jobs) {
+await eachJob(async ({glb, out, times}) => {
   const {scene, animations, meshes} = await load(glb);
   const mixer = new THREE.AnimationMixer(scene);
   const action = animations.length ? mixer.clipAction(animations[0]) : null;
@@ -17,4 +17,4 @@ for (const {glb, out, times} of jobs) {
     for (const value of worldPositions(scene, meshes)) positions.push(value);
   }
   writePositions(out, positions);
-}
+});

@@ -1,7 +1,7 @@
 // World positions in poses that are not in the file: joints set by hand, morph weights by the file's pose-key network,
 // as docs/GARMENTC_mesh_pose_keys.md tells engine developers to do it.
 
-import {jobs, writePositions} from './jobs.mjs';
+import {eachJob, writePositions} from './jobs.mjs';
 import {THREE, load, worldPositions} from './three_scene.mjs';
 
 const floats = text => new Float32Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
@@ -10,6 +10,14 @@ function axisAngle(q) {
   const sign = q.w < 0 ? -1 : 1, length = Math.hypot(q.x, q.y, q.z);
   const k = length < 1e-12 ? 2 * sign : sign * 2 * Math.atan2(length, sign * q.w) / length;
   return [q.x * k, q.y * k, q.z * k];
+}
+
+/** The file's network. Tools may have put the mesh into a new node below the one that it had: extras stay above. */
+function networkOf(object) {
+  const text = object.userData.GARMENTC_mesh_pose_keys;
+  if (text) return JSON.parse(text);
+  if (!object.parent) throw new Error('no node above the mesh has a pose-key network in its extras');
+  return networkOf(object.parent);
 }
 
 function poseKeys(layers, joints) {
@@ -27,10 +35,9 @@ function poseKeys(layers, joints) {
   return x;
 }
 
-for (const {glb, out, poses} of jobs) {
+await eachJob(async ({glb, out, poses}) => {
   const {scene, meshes} = await load(glb);
-  const owner = meshes.find(mesh => mesh.userData.GARMENTC_mesh_pose_keys) ?? meshes[0].parent;
-  const network = JSON.parse(owner.userData.GARMENTC_mesh_pose_keys);
+  const network = networkOf(meshes[0]);
   const layers = network.layers.map(layer => ({...layer, weight: floats(layer.weight), bias: floats(layer.bias)}));
   const joints = network.joints.map(name => meshes[0].skeleton.getBoneByName(name));
   const positions = [];
@@ -47,4 +54,4 @@ for (const {glb, out, poses} of jobs) {
     for (const value of worldPositions(scene, meshes)) positions.push(value);
   }
   writePositions(out, positions);
-}
+});

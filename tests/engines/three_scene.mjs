@@ -6,12 +6,13 @@ globalThis.self = globalThis; // three's loader asks for it
 globalThis.createImageBitmap = async () => ({width: 1, height: 1, close() {}}); // textures are not looked at
 const THREE = await import('three');
 const {GLTFLoader} = await import('three/examples/jsm/loaders/GLTFLoader.js');
+const {MeshoptDecoder} = await import('three/examples/jsm/libs/meshopt_decoder.module.js');
 
 /** The loaded scene, its animations, and its skinned meshes: one for each primitive, in the file's order. */
 export async function load(path) {
   const bytes = fs.readFileSync(path);
   const buffer = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength);
-  const {scene, animations} = await new GLTFLoader().parseAsync(buffer, '');
+  const {scene, animations} = await new GLTFLoader().setMeshoptDecoder(MeshoptDecoder).parseAsync(buffer, '');
   const meshes = [];
   scene.traverse(object => { if (object.isSkinnedMesh) meshes.push(object); });
   return {scene, animations, meshes};

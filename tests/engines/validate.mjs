@@ -2,9 +2,9 @@
 
 import fs from 'node:fs';
 import validator from 'gltf-validator';
-import {jobs} from './jobs.mjs';
+import {eachJob} from './jobs.mjs';
 
-for (const {glb, out} of jobs) {
+await eachJob(async ({glb, out}) => {
   const report = await validator.validateBytes(new Uint8Array(fs.readFileSync(glb)), {maxIssues: 0, writeTimestamp: false});
   fs.writeFileSync(out, JSON.stringify(report));
-}
+});

@@ -1,0 +1,131 @@
+// In a browser: where three.js's own shaders put every vertex, or a picture. See chromium.mjs.
+//
+// The vertex shader is made of the chunks that all of three's materials use for morphing and skinning. Every vertex is
+// drawn as a point on a pixel of its own, and its world position is that pixel's colour, in 32-bit floats.
+
+import * as THREE from 'three';
+import {GLTFLoader} from 'three/addons/loaders/GLTFLoader.js';
+import {MeshoptDecoder} from 'three/addons/libs/meshopt_decoder.module.js';
+
+const VERTEX = `
+  #include <common>
+  #include <morphtarget_pars_vertex>
+  #include <skinning_pars_vertex>
+  uniform vec2 size;
+  out vec3 world;
+  void main() {
+    #include <morphinstance_vertex>
+    #include <begin_vertex>
+    #include <morphtarget_vertex>
+    #include <skinbase_vertex>
+    #include <skinning_vertex>
+    world = (modelMatrix * vec4(transformed, 1.0)).xyz;
+    float id = float(gl_VertexID);
+    vec2 pixel = vec2(mod(id, size.x), floor(id / size.x)) + 0.5;
+    gl_Position = vec4(2.0 * pixel / size - 1.0, 0.0, 1.0);
+    gl_PointSize = 1.0;
+  }`;
+const FRAGMENT = `
+  in vec3 world;
+  out vec4 color;
+  void main() { color = vec4(world, 1.0); }`;
+const WIDTH = 256;
+
+const renderer = new THREE.WebGLRenderer({antialias: true, alpha: true, preserveDrawingBuffer: true});
+if (!renderer.extensions.has('EXT_color_buffer_float')) throw new Error('this GPU draws no floats');
+const loader = new GLTFLoader().setMeshoptDecoder(MeshoptDecoder);
+
+function gpuPositions(mesh, camera) {
+  const count = mesh.geometry.attributes.position.count;
+  const size = new THREE.Vector2(WIDTH, Math.ceil(count / WIDTH));
+  const target = new THREE.WebGLRenderTarget(size.x, size.y, {
+    type: THREE.FloatType, minFilter: THREE.NearestFilter, magFilter: THREE.NearestFilter, depthBuffer: false,
+  });
+  const material = new THREE.ShaderMaterial({
+    glslVersion: THREE.GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT, uniforms: {size: {value: size}},
+  });
+  const points = new THREE.SkinnedMesh(mesh.geometry.clone().setIndex(null), material);
+  Object.assign(points, {
+    isMesh: false, isPoints: true, frustumCulled: false, matrixAutoUpdate: false,
+    bindMode: mesh.bindMode, morphTargetInfluences: mesh.morphTargetInfluences,
+  });
+  points.bind(mesh.skeleton, mesh.bindMatrix);
+  points.matrix.copy(mesh.matrixWorld);
+  const scene = new THREE.Scene().add(points);
+  points.updateMatrixWorld(true);
+  mesh.skeleton.update();
+  renderer.setRenderTarget(target);
+  renderer.setClearColor(0, 0);
+  renderer.clear();
+  renderer.render(scene, camera);
+  const pixels = new Float32Array(4 * size.x * size.y);
+  renderer.readRenderTargetPixels(target, 0, 0, size.x, size.y, pixels);
+  renderer.setRenderTarget(null);
+  for (const used of [target, material, points.geometry]) used.dispose();
+  const positions = [];
+  for (let i = 0; i < count; i++) {
+    if (pixels[4 * i + 3] !== 1) throw new Error(`vertex ${i} was not drawn`);
+    positions.push(...pixels.subarray(4 * i, 4 * i + 3));
+  }
+  return positions;
+}
+
+function cameraOf({position, target, fov, width, height}) {
+  const camera = new THREE.PerspectiveCamera(fov, width / height, 0.05, 50);
+  camera.position.set(...position);
+  camera.lookAt(...target);
+  return camera;
+}
+
+/** A PNG with a transparent background. */
+async function picture(loaded, view) {
+  renderer.setSize(view.width, view.height);
+  renderer.setClearColor(0, 0);
+  renderer.toneMapping = THREE.NeutralToneMapping;
+  const scene = new THREE.Scene().add(loaded, new THREE.HemisphereLight(0xffffff, 0x8d8d8d, 2));
+  const sun = new THREE.DirectionalLight(0xffffff, 2.5);
+  sun.position.set(...view.sun);
+  scene.add(sun);
+  renderer.render(scene, cameraOf(view));
+  return new Promise(resolve => renderer.domElement.toBlob(resolve, 'image/png'));
+}
+
+async function done(job, number) {
+  const {scene, animations} = await loader.parseAsync(await (await fetch(`/glb/${number}`)).arrayBuffer(), '');
+  const meshes = [];
+  scene.traverse(object => { if (object.isSkinnedMesh) meshes.push(object); });
+  for (const mesh of meshes) mesh.frustumCulled = false;
+  const mixer = new THREE.AnimationMixer(scene);
+  const action = animations.length ? mixer.clipAction(animations[0]) : null;
+  action?.setLoop(THREE.LoopOnce, 1).play();
+  if (action) action.clampWhenFinished = true;
+  const pose = time => {
+    action?.reset();
+    mixer.setTime(time);
+    scene.updateMatrixWorld(true);
+  };
+  try {
+    if (job.view) {
+      pose(job.time);
+      return await picture(scene, job.view);
+    }
+    const positions = [], camera = new THREE.PerspectiveCamera();
+    for (const time of job.times) {
+      pose(time);
+      for (const mesh of meshes) for (const value of gpuPositions(mesh, camera)) positions.push(value);
+    }
+    return Float64Array.from(positions);
+  } finally {
+    for (const mesh of meshes) mesh.geometry.dispose();
+  }
+}
+
+const jobs = await (await fetch('/jobs')).json();
+for (const [number, job] of jobs.entries()) {
+  try {
+    await fetch(`/out/${number}`, {method: 'POST', body: await done(job, number)});
+  } catch (error) {
+    await fetch(`/error/${number}`, {method: 'POST', body: String(error?.stack ?? error)});
+  }
+}
+await fetch('/done', {method: 'POST'});
