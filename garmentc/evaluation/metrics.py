@@ -66,5 +66,20 @@ def signed_distance(points: NDArray[Any], vertices: NDArray[Any], faces: NDArray
     return distance
 
 
+def depth_inside(points: NDArray[Any], vertices: NDArray[Any], faces: NDArray[Any]) -> NDArray[np.float64]:
+    """How deep (N,) in metres `points` (N, 3) lie in a closed mesh; 0 for those outside.
+
+    The negative part of `signed_distance`, many times as fast: few vertices of a garment are inside.
+    """
+    import igl
+
+    within = inside(points, vertices, faces)
+    depth = np.zeros(len(within))
+    if within.any():
+        p, v, f = _as_igl(points[within]), _as_igl(vertices), np.ascontiguousarray(faces, np.int64)
+        depth[within] = np.sqrt(igl.point_mesh_squared_distance(p, v, f)[0])
+    return depth
+
+
 def _as_igl(array: NDArray[Any]) -> NDArray[np.float64]:
     return np.ascontiguousarray(array, dtype=np.float64)
