@@ -72,19 +72,21 @@ def _near_pairs(segments: _Floats, triangles: _Floats) -> tuple[NDArray[np.intp]
     pairs = [(which, face)]
     pairs += [(np.full(len(triangles), index), np.arange(len(triangles))) for index in np.flatnonzero(large[0])]
     pairs += [(np.arange(len(segments)), np.full(len(segments), index)) for index in np.flatnonzero(large[1])]
-    keys = np.unique(np.concatenate([_overlapping(which, face, *boxes) for which, face in pairs]))
+    found = [_overlapping(*pair, *boxes) for pair in pairs]
+    keys = np.sort(np.concatenate([which * len(triangles) + face for which, face in found]))
+    keys = keys[np.diff(keys, prepend=-1) > 0]
     return keys // len(triangles), keys % len(triangles)
 
 
 def _overlapping(
     which: NDArray[np.intp], face: NDArray[np.intp], segments: _Boxes, triangles: _Boxes
-) -> NDArray[np.intp]:
-    """The pairs whose boxes overlap, each as one number: segment times the number of triangles plus triangle."""
-    overlap = (segments[0][which] <= triangles[1][face]).all(axis=1) & (triangles[0][face] <= segments[1][which]).all(
-        axis=1
-    )
-    keys: NDArray[np.intp] = which[overlap] * len(triangles[0]) + face[overlap]
-    return keys
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Those of the pairs whose boxes overlap."""
+    for axis in range(3):  # one after the other: each leaves fewer pairs to the next
+        overlap = segments[0][which, axis] <= triangles[1][face, axis]
+        overlap &= triangles[0][face, axis] <= segments[1][which, axis]
+        which, face = which[overlap], face[overlap]
+    return which, face
 
 
 def _cells(
