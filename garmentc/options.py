@@ -76,6 +76,7 @@ class CompileOptions:
     unwrap                   make texture coordinates where there are none
     allow_external_textures  read textures outside the OBJ's folder
     pose_keys                write the pose-key network into the glb
+    with_body                write the body beside the outfit, as a second mesh on the same skeleton
     keys_onnx                also write the pose-key network as an ONNX file
     bundle                   folder of a model bundle; None is the one that ships with the package
     family                   model family
@@ -101,6 +102,7 @@ class CompileOptions:
     unwrap: Unwrap = "auto"
     allow_external_textures: bool = False
     pose_keys: bool = True
+    with_body: bool = False
     keys_onnx: Path | None = None
     bundle: Path | None = None
     family: Family = "deepsd"

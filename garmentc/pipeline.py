@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -13,13 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.errors import GarmentcError
 from garmentc.families import deepsd
 from garmentc.families.bundle import Bundle, load_bundle
-from garmentc.gltf.asset import Asset, Clip, GltfOptions
+from garmentc.gltf.asset import Asset, Clip, GltfOptions, RiggedMesh
+from garmentc.gltf.body_mesh import body_mesh
+from garmentc.gltf.names import unique_names
 from garmentc.gltf.write import WrittenGlb, write_glb
 from garmentc.key_graph import write_key_graph
 from garmentc.options import CompileOptions
 from garmentc.outfit.align import Alignment, AlignOptions, align
+from garmentc.outfit.align.together import common_gender
 from garmentc.outfit.corners import CornerMesh, split_corners
 from garmentc.outfit.obj import read_obj
 from garmentc.outfit.outfit import Outfit
@@ -53,35 +57,58 @@ CHECKED_POSES = 32
 
 
 def compile_outfit(
-    outfit: str | PathLike[str],
+    outfit: str | PathLike[str] | Sequence[str | PathLike[str]],
     output: str | PathLike[str],
     options: CompileOptions | None = None,
     *,
     on_progress: Progress = lambda stage, done: None,
     **given: Any,
 ) -> CompileReport:
-    """Compile the OBJ file `outfit` to the .glb file `output`.
+    """Compile the OBJ file `outfit`, or several that are worn together, to the .glb file `output`.
 
     options      what to do; the keyword arguments in `given` replace single options, by the names of CompileOptions
     on_progress  called with a stage's name (STAGES) and how much of it is done, from 0 to 1
 
+    Several outfits share body, skeleton and animations; each is a mesh with morph targets and pose keys of its own.
     The bytes of the .glb depend on the inputs alone. A former file at `output` stays until the new one is whole.
     Raises GarmentcError for everything that a user can cause or mend.
     """
     options = replace(options or CompileOptions(), **given)
-    check_outputs((output, options.keys_onnx), inputs=(outfit, options.body, options.params, *options.motion))
+    paths = [Path(outfit)] if isinstance(outfit, (str, PathLike)) else [Path(path) for path in outfit]
+    _check_together(paths, options)
+    check_outputs((output, options.keys_onnx), inputs=(*paths, options.body, options.params, *options.motion))
     clock = _Clock(on_progress)
+
+    def inferred(number: int) -> Callable[[int, int], None]:
+        return lambda done, total: on_progress("infer", (number + done / total) / len(paths))
+
     with clock("read"):
-        source = read_inputs(Path(outfit), options)
+        sources = [read_inputs(path, options) for path in paths]
     with clock("align"):
-        dressed = dress(source, options)
+        all_dressed = dress_together(sources, options)
     with clock("infer"):
-        rig = infer(source.bundle, dressed, lambda done, total: on_progress("infer", done / total))
+        rigs = [
+            infer(source.bundle, dressed, inferred(number))
+            for number, (source, dressed) in enumerate(zip(sources, all_dressed, strict=True))
+        ]
     with clock("optimise"):
-        rig, reports = optimise(rig, options, dressed)
+        layers = [
+            Layer(source, dressed, *optimise(rig, options, dressed))
+            for source, dressed, rig in zip(sources, all_dressed, rigs, strict=True)
+        ]
+        layers = quantized_together(layers, options)
     with clock("emit"):
-        written = emit(rig, dressed, source, options, Path(output))
-    return make_report(options, source, dressed, rig, reports, written, clock.stages)
+        written = emit(layers, options, Path(output))
+    return make_report(options, layers, written, clock.stages)
+
+
+def _check_together(paths: Sequence[Path], options: CompileOptions) -> None:
+    """Raise GarmentcError where there is no outfit, or an option that is meant for one is given for several."""
+    if not paths:
+        raise GarmentcError("no outfit is given; name an OBJ file")
+    for option, value in (("keys-onnx", options.keys_onnx), ("name", options.name)):
+        if len(paths) > 1 and value is not None:
+            raise GarmentcError(f"--{option} is for one outfit, and {len(paths)} are given; leave it out")
 
 
 @dataclass(frozen=True)
@@ -115,7 +142,12 @@ class Dressed:
 
 def dress(source: Inputs, options: CompileOptions) -> Dressed:
     """Find out how the outfit is meant and put it on its body; unwrap, weld and split it; read the motions."""
-    given = source.parameters
+    return dress_together([source], options)[0]
+
+
+def dress_together(sources: Sequence[Inputs], options: CompileOptions) -> tuple[Dressed, ...]:
+    """The same for several outfits on one body, which must fit them all."""
+    given = sources[0].parameters
     known = AlignOptions(
         units=options.units,
         up=options.up,
@@ -124,12 +156,23 @@ def dress(source: Inputs, options: CompileOptions) -> Dressed:
         gender=given.gender if options.gender == "auto" and given.gender is not None else options.gender,
         betas=given.betas if options.betas is None else np.array(options.betas),
     )
-    alignment = align(source.outfit, _bodies(options.body, known.gender), known)
+    bodies = _bodies(options.body, known.gender)
+    alignments = [align(source.outfit, bodies, known) for source in sources]
+    gender, doubts = common_gender(alignments)
+    alignments = [
+        alignment if alignment.gender == gender else align(source.outfit, bodies, replace(known, gender=gender))
+        for source, alignment in zip(sources, alignments, strict=True)
+    ]
+    alignments[0] = replace(alignments[0], warnings=(*alignments[0].warnings, *doubts))
+    up = None if options.motion_up == "auto" else options.motion_up
+    joints = alignments[0].body.joints(alignments[0].betas)
+    motions = tuple(read_motion(path, up, joints) for path in options.motion)
+    return tuple(_dressed(alignment, motions, options) for alignment in alignments)
+
+
+def _dressed(alignment: Alignment, motions: tuple[Motion, ...], options: CompileOptions) -> Dressed:
     outfit = unwrap(alignment.outfit, options.unwrap)
     welded = weld(outfit)
-    up = None if options.motion_up == "auto" else options.motion_up
-    joints = alignment.body.joints(alignment.betas)
-    motions = tuple(read_motion(path, up, joints) for path in options.motion)
     return Dressed(alignment, outfit, welded, split_corners(outfit, welded), motions)
 
 
@@ -185,17 +228,42 @@ def optimise(rig: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Rig, 
     return rig, tuple(reports)
 
 
-def emit(rig: Rig, dressed: Dressed, source: Inputs, options: CompileOptions, output: Path) -> WrittenGlb:
+@dataclass(frozen=True)
+class Layer:
+    """An outfit at the end of the passes, with what it was made from. Several are worn on the same body."""
+
+    source: Inputs
+    dressed: Dressed
+    rig: Rig
+    passes: tuple[PassReport, ...]
+
+
+def quantized_together(layers: Sequence[Layer], options: CompileOptions) -> list[Layer]:
+    """The layers with the error of quantization measured anew, where several meshes share a file's box of positions."""
+    rigs = [mesh.rig for mesh in _meshes(layers, options)]
+    if not options.settings.quantize or len(rigs) == 1:
+        return list(layers)
+    poses = plausible_poses(check=CHECKED_POSES)
+    measured = []
+    for number, layer in enumerate(layers):
+        beside = (*rigs[:number], *rigs[number + 1 :])
+        _, report = quantize(layer.rig, Quantize(options.settings.influences, beside), poses)
+        measured.append(replace(layer, passes=(*layer.passes[:-1], report)))
+    return measured
+
+
+def emit(layers: Sequence[Layer], options: CompileOptions, output: Path) -> WrittenGlb:
     """Write the .glb and, where asked for, the pose-key network as ONNX."""
-    settings = options.settings
-    alignment = dressed.alignment
+    settings, first = options.settings, layers[0]
+    alignment, motions = first.dressed.alignment, first.dressed.motions
     betas = () if alignment.betas is None else alignment.betas
+    meshes = _meshes(layers, options)
     asset = Asset(
-        name=options.name or source.outfit.path.stem,
-        rig=rig,
-        primitives=dressed.corners.primitives,
-        materials=dressed.outfit.materials,
-        clips=tuple(Clip(motion) for motion in dressed.motions),
+        name=meshes[0].name,
+        rig=meshes[0].rig,
+        primitives=meshes[0].primitives,
+        materials=meshes[0].materials,
+        clips=tuple(Clip(motion) for motion in motions),
         options=GltfOptions(
             influences=settings.influences,
             quantize=settings.quantize,
@@ -206,15 +274,30 @@ def emit(rig: Rig, dressed: Dressed, source: Inputs, options: CompileOptions, ou
             "body": alignment.body.name,
             "gender": alignment.gender,
             "betas": ",".join(repr(float(beta)) for beta in betas),
-            "bundle": source.bundle.name,
+            "bundle": first.source.bundle.name,
             "profile": options.profile,
-            **{f"fps:{motion.name}": float(motion.fps) for motion in dressed.motions},
+            **{f"fps:{motion.name}": float(motion.fps) for motion in motions},
         },
+        also=meshes[1:],
     )
     written = write_glb(asset, output)
-    if options.keys_onnx is not None and rig.keys is not None:
-        write_key_graph(rig.keys, options.keys_onnx)
+    if options.keys_onnx is not None and first.rig.keys is not None:
+        write_key_graph(first.rig.keys, options.keys_onnx)
     return written
+
+
+def _meshes(layers: Sequence[Layer], options: CompileOptions) -> tuple[RiggedMesh, ...]:
+    """The outfits and, where asked for, the body, under different names."""
+    wanted = [options.name or layer.source.outfit.path.stem for layer in layers]
+    *names, body_name = unique_names([*wanted, "body"])
+    meshes = [
+        RiggedMesh(name, layer.rig, layer.dressed.corners.primitives, layer.dressed.outfit.materials)
+        for name, layer in zip(names, layers, strict=True)
+    ]
+    if options.with_body:
+        alignment = layers[0].dressed.alignment
+        meshes.append(body_mesh(alignment.body, alignment.betas, body_name))
+    return tuple(meshes)
 
 
 class _Clock:

@@ -21,8 +21,11 @@ if TYPE_CHECKING:
     from garmentc.gltf.write import WrittenGlb
     from garmentc.options import CompileOptions
     from garmentc.outfit.align import Alignment
-    from garmentc.pipeline import Dressed, Inputs
-    from garmentc.rig import Rig
+    from garmentc.pipeline import Dressed, Layer
+
+
+CORRECTIVE_POSES = 16
+"""Poses in which the body's left-out pose correctives are measured."""
 
 
 @dataclass(frozen=True)
@@ -139,8 +142,36 @@ class RigFacts:
 
 
 @dataclass(frozen=True)
+class BodyFacts:
+    """The body that was written beside the outfit.
+
+    correctives_mean_mm, _max_mm  what its pose correctives, which are left out, would move its vertices by
+    """
+
+    name: str
+    vertices: int
+    correctives_mean_mm: float
+    correctives_max_mm: float
+
+
+@dataclass(frozen=True)
+class LayerFacts:
+    """What CompileReport says of the first outfit, for another one in the same file."""
+
+    input: FileFacts
+    outfit: OutfitFacts
+    alignment: AlignmentFacts
+    passes: tuple[PassReport, ...]
+    morphs: int
+
+
+@dataclass(frozen=True)
 class CompileReport:
-    """The result of a compile (schemas/report.schema.json)."""
+    """The result of a compile (schemas/report.schema.json).
+
+    also  further outfits in the file; `input`, `outfit`, `alignment`, `passes` and `rig.morphs` are the first one's
+    body  the body in the file, if there is one
+    """
 
     input: FileFacts
     output: FileFacts
@@ -153,6 +184,8 @@ class CompileReport:
     motions: tuple[MotionFacts, ...]
     stages: tuple[StageTime, ...]
     warnings: tuple[Diagnostic, ...]
+    also: tuple[LayerFacts, ...] = ()
+    body: BodyFacts | None = None
     garmentc: str = __version__
     schema: int = 1
 
@@ -175,49 +208,75 @@ def write_report(report: CompileReport, path: Path) -> None:
 
 
 def make_report(
-    options: CompileOptions,
-    source: Inputs,
-    dressed: Dressed,
-    rig: Rig,
-    passes: Sequence[PassReport],
-    written: WrittenGlb,
-    stages: Sequence[StageTime],
+    options: CompileOptions, layers: Sequence[Layer], written: WrittenGlb, stages: Sequence[StageTime]
 ) -> CompileReport:
     """Gather what the stages found out."""
-    outfit, settings = dressed.outfit, options.settings
-    textures = {map.name for material in outfit.materials if (map := material.base_color_texture) is not None}
-    warnings = [*outfit.warnings, *dressed.alignment.warnings]
-    for motion in dressed.motions:
-        warnings += motion.warnings
+    first, settings = layers[0], options.settings
+    motions = first.dressed.motions
+    warnings = [warning for layer in layers for warning in _warnings(layer)]
+    warnings += [warning for motion in motions for warning in motion.warnings]
+    if options.with_body and options.body is not None:
+        message = "its mesh is in the file; check that its licence lets you pass the file on"
+        warnings.append(Diagnostic("body-included", message, str(options.body)))
     return CompileReport(
-        input=FileFacts.of(source.outfit.path),
+        input=FileFacts.of(first.source.outfit.path),
         output=FileFacts.of(written.path),
         profile=options.profile,
-        outfit=OutfitFacts(
-            vertices=len(outfit.vertices),
-            triangles=len(outfit.tri_v),
-            welded=len(dressed.welded.vertices),
-            corners=sum(len(primitive.vertices) for primitive in dressed.corners.primitives),
-            materials=tuple(material.name for material in outfit.materials),
-            textures=len(textures),
-        ),
-        alignment=_alignment_facts(dressed.alignment),
-        model=ModelFacts(options.family, source.bundle.name),
-        passes=tuple(passes),
+        outfit=_outfit_facts(first.dressed),
+        alignment=_alignment_facts(first.dressed.alignment),
+        model=ModelFacts(options.family, first.source.bundle.name),
+        passes=first.passes,
         rig=RigFacts(
-            joints=len(rig.joints),
+            joints=len(first.rig.joints),
             influences=settings.influences,
-            morphs=rig.morph_count,
+            morphs=first.rig.morph_count,
             quantized=settings.quantize,
-            pose_keys=options.pose_keys and rig.keys is not None,
+            pose_keys=options.pose_keys and first.rig.keys is not None,
             keyframes=written.keyframes,
             all_keyframes=written.all_keyframes,
             keyframe_error_mm=1000 * written.keyframe_error,
         ),
-        motions=tuple(MotionFacts(m.name, m.source, len(m), m.fps) for m in dressed.motions),
+        motions=tuple(MotionFacts(m.name, m.source, len(m), m.fps) for m in motions),
         stages=tuple(stages),
         warnings=(*warnings, *written.warnings),
+        also=tuple(
+            LayerFacts(
+                input=FileFacts.of(layer.source.outfit.path),
+                outfit=_outfit_facts(layer.dressed),
+                alignment=_alignment_facts(layer.dressed.alignment),
+                passes=layer.passes,
+                morphs=layer.rig.morph_count,
+            )
+            for layer in layers[1:]
+        ),
+        body=_body_facts(first.dressed) if options.with_body else None,
     )
+
+
+def _warnings(layer: Layer) -> tuple[Diagnostic, ...]:
+    return (*layer.dressed.outfit.warnings, *layer.dressed.alignment.warnings)
+
+
+def _outfit_facts(dressed: Dressed) -> OutfitFacts:
+    outfit = dressed.outfit
+    textures = {map.name for material in outfit.materials if (map := material.base_color_texture) is not None}
+    return OutfitFacts(
+        vertices=len(outfit.vertices),
+        triangles=len(outfit.tri_v),
+        welded=len(dressed.welded.vertices),
+        corners=sum(len(primitive.vertices) for primitive in dressed.corners.primitives),
+        materials=tuple(material.name for material in outfit.materials),
+        textures=len(textures),
+    )
+
+
+def _body_facts(dressed: Dressed) -> BodyFacts:
+    from garmentc.gltf.body_mesh import left_out_correctives
+    from garmentc.smpl.pose_sampler import sample_poses
+
+    body = dressed.alignment.body
+    mean, largest = left_out_correctives(body, sample_poses(CORRECTIVE_POSES, seed=0))
+    return BodyFacts(body.name, len(body.v_template), 1000 * mean, 1000 * largest)
 
 
 def _alignment_facts(alignment: Alignment) -> AlignmentFacts:

@@ -105,12 +105,13 @@ def compile_case(case: Case, folder: Path) -> Compiled:
     with pytest.MonkeyPatch.context() as patch:
         if case.pruned is not None:
             patch.setattr(pipeline, "PruneMorphs", partial(PruneMorphs, threshold=case.pruned))
-        rig, _ = pipeline.optimise(rig, case.options, dressed)
-    written = pipeline.emit(rig, dressed, source, case.options, folder / f"{case}.glb")
+        rig, reports = pipeline.optimise(rig, case.options, dressed)
+    layers = [pipeline.Layer(source, dressed, rig, reports)]
+    written = pipeline.emit(layers, case.options, folder / f"{case}.glb")
     path = folder / f"{case}-all-keyframes.glb"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline, "GltfOptions", partial(GltfOptions, key_tolerance=0))
-        pipeline.emit(rig, dressed, source, case.options, path)
+        pipeline.emit(layers, case.options, path)
     return Compiled(case, path, rig, dressed, written)
 
 

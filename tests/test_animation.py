@@ -32,7 +32,7 @@ def test_what_stays_at_rest_has_no_track() -> None:
     poses = np.zeros((10, 24, 3))
     poses[:, 4, 0] = np.linspace(0, 1, 10)
     rig = replace(make_rig(morphs=0), keys=None)
-    tracks = clip_tracks(Clip(Motion("m", poses, np.zeros((10, 3)), 30)), rig, ROOT, 0)
+    tracks = clip_tracks(Clip(Motion("m", poses, np.zeros((10, 3)), 30)), (rig,), ROOT, 0)
     assert [(track.path, track.joint) for track in tracks] == [("rotation", 4)]
 
 
@@ -44,13 +44,13 @@ def test_a_motion_that_rests_becomes_no_animation(tmp_path: Path) -> None:
 
 def test_the_root_moves_from_its_rest_position() -> None:
     motion = make_motion()
-    translation = track(clip_tracks(Clip(motion), make_rig(), ROOT, 0), "translation", 0)
+    translation = track(clip_tracks(Clip(motion), (make_rig(),), ROOT, 0), "translation", 0)
     np.testing.assert_allclose(translation.values, ROOT + motion.trans, atol=1e-7)
 
 
 def test_given_keys_are_written_instead_of_the_networks() -> None:
     keys = np.random.default_rng(0).random((30, 8))
-    weights = track(clip_tracks(Clip(make_motion(), keys), make_rig(), ROOT, 0), "weights", None)
+    weights = track(clip_tracks(Clip(make_motion(), keys), (make_rig(),), ROOT, 0), "weights", None)
     np.testing.assert_array_equal(weights.values, keys.astype(np.float32))
 
 
@@ -58,7 +58,7 @@ def test_steady_turning_needs_two_keyframes() -> None:
     poses = np.zeros((100, 24, 3))
     poses[:, 3, 1] = np.linspace(-1.2, 1.5, 100)
     rotation = track(
-        clip_tracks(Clip(Motion("m", poses, np.zeros((100, 3)), 60)), make_rig(), ROOT, 1e-5), "rotation", 3
+        clip_tracks(Clip(Motion("m", poses, np.zeros((100, 3)), 60)), (make_rig(),), ROOT, 1e-5), "rotation", 3
     )
     assert rotation.frames.tolist() == [0, 99]
 
@@ -69,7 +69,7 @@ def test_turning_beyond_half_a_turn_keeps_its_direction() -> None:
     turned = np.linspace(0, 5.5, 100)
     poses[:, 3, 1] = np.where(turned > np.pi, turned - 2 * np.pi, turned)
     clip = Clip(Motion("m", poses, np.zeros((100, 3)), 60))
-    rotation = track(clip_tracks(clip, make_rig(), ROOT, 1e-5), "rotation", 3)
+    rotation = track(clip_tracks(clip, (make_rig(),), ROOT, 1e-5), "rotation", 3)
     assert 3 <= len(rotation.frames) <= 5
     assert ((rotation.values[1:] * rotation.values[:-1]).sum(axis=1) >= 0).all()
     between = Slerp(rotation.frames, Rotation.from_quat(rotation.values))(np.arange(100))

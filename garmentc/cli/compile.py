@@ -14,7 +14,7 @@ from garmentc.cli.printing import file_size, print_json, print_warnings, progres
 from garmentc.options import CompileOptions
 
 if TYPE_CHECKING:
-    from garmentc.report import CompileReport, RigFacts
+    from garmentc.report import BodyFacts, CompileReport, LayerFacts, RigFacts
 
 
 def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
@@ -26,7 +26,7 @@ def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
 
 
 @click.command("compile")
-@click.argument("outfit", type=PATH, metavar="OUTFIT.obj")
+@click.argument("outfits", type=PATH, nargs=-1, required=True, metavar="OUTFIT.obj...")
 @click.option("-o", "--output", type=PATH, metavar="OUT.glb", required=True, help="File to write.")
 @click.option("--body", type=PATH, metavar="FILE", help="SMPL, SMPL-H or SMPL-X model (.npz, .pkl) to dress.")
 @_choice("--gender", choices.Gender, "Body; auto takes the one that the outfit fits best.")
@@ -49,6 +49,7 @@ def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
 @click.option(
     "--pose-keys/--no-pose-keys", default=True, show_default=True, help="Write the pose-key network into the glb."
 )
+@click.option("--with-body", is_flag=True, help="Write the body beside the outfit, for previews and try-on.")
 @click.option("--keys-onnx", type=PATH, metavar="OUT.onnx", help="Also write the pose-key network as ONNX.")
 @_choice("--family", choices.Family, "Model family.")
 @click.option("--bundle", type=PATH, metavar="DIR", help="Model bundle to use instead of the one shipped.")
@@ -56,19 +57,22 @@ def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
 @click.option("--report", type=PATH, metavar="OUT.json", help="Write what was done, with times and errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
-def command(outfit: Path, output: Path, report: Path | None, as_json: bool, quiet: bool, **given: Any) -> None:
+def command(
+    outfits: tuple[Path, ...], output: Path, report: Path | None, as_json: bool, quiet: bool, **given: Any
+) -> None:
     """Compile OUTFIT.obj and SMPL parameters to one .glb.
 
-    Whatever is not given is detected, or comes from the profile, and is reported.
+    Several outfits are worn together: they share body, skeleton and animations. Whatever is not given is detected,
+    or comes from the profile, and is reported.
     """
     from garmentc.output import check_outputs
     from garmentc.pipeline import STAGES, compile_outfit
     from garmentc.report import write_report
 
     options = CompileOptions(**given)
-    check_outputs((report, output, options.keys_onnx), inputs=(outfit,))
+    check_outputs((report, output, options.keys_onnx), inputs=outfits)
     with progress(STAGES, quiet) as show:
-        result = compile_outfit(outfit, output, options, on_progress=show)
+        result = compile_outfit(outfits, output, options, on_progress=show)
     if report is not None:
         write_report(result, report)
     if not quiet:
@@ -82,16 +86,32 @@ def command(outfit: Path, output: Path, report: Path | None, as_json: bool, quie
 def _summary(report: CompileReport) -> str:
     """What a person wants to know: what was recognised, what was made, what it cost."""
     rig, output = report.rig, report.output
+    morphs = " + ".join(str(count) for count in (rig.morphs, *(layer.morphs for layer in report.also)))
     rows = [
-        ("recognised", report.alignment.summary),
-        ("outfit", f"{report.outfit.vertices} vertices, {report.outfit.triangles} triangles"),
+        *_layer(report, named=bool(report.also)),
+        *(row for layer in report.also for row in _layer(layer, named=True)),
         *((f"motion {motion.name}", f"{motion.frames} frames at {motion.fps:g} fps") for motion in report.motions),
-        *((step.name, f"{step.detail}; {step.error}" if step.error else step.detail) for step in report.passes),
         *([("keyframes", _keyframes(rig))] if report.motions else []),
-        ("rig", f"{rig.joints} joints, {rig.influences} influences, {rig.morphs} morph targets"),
+        *([("body", _body(report.body))] if report.body else []),
+        ("rig", f"{rig.joints} joints, {rig.influences} influences, {morphs} morph targets"),
         (output.path, f"{file_size(output.bytes)} in {report.seconds:.1f} s"),
     ]
     return table(rows)
+
+
+def _layer(layer: CompileReport | LayerFacts, named: bool) -> list[tuple[str, str]]:
+    """How one outfit was recognised, and what the passes did with it."""
+    return [
+        *([(Path(layer.input.path).name, "")] if named else []),
+        ("recognised", layer.alignment.summary),
+        ("outfit", f"{layer.outfit.vertices} vertices, {layer.outfit.triangles} triangles"),
+        *((step.name, f"{step.detail}; {step.error}" if step.error else step.detail) for step in layer.passes),
+    ]
+
+
+def _body(body: BodyFacts) -> str:
+    left_out = f"{body.correctives_mean_mm:.2f} mm mean, {body.correctives_max_mm:.1f} mm max"
+    return f"{body.name}, {body.vertices} vertices; skinned only, pose correctives left out: {left_out}"
 
 
 def _keyframes(rig: RigFacts) -> str:

@@ -50,8 +50,8 @@ def _parts(summary: GlbSummary) -> Iterator[str]:
         header=("mesh", "material", "vertices", "triangles", "influences"),
     )
     yield table(
-        [(m.name, m.vertices, f"{m.largest_mm:.1f} mm", file_size(m.bytes)) for m in summary.morphs],
-        header=("morph target", "vertices", "largest", "size"),
+        [(m.mesh, m.name, m.vertices, f"{m.largest_mm:.1f} mm", file_size(m.bytes)) for m in summary.morphs],
+        header=("mesh", "morph target", "vertices", "largest", "size"),
     )
     yield table(
         [(n.mesh, n.encoding, "-".join(map(str, n.layers)), n.parameters) for n in summary.pose_keys],

@@ -51,7 +51,7 @@ class RigOutfit:
 
 @dataclass(frozen=True)
 class GlbOutfit:
-    """A .glb, morphed by its own pose-key network and skinned from its own attributes.
+    """The outfits of a .glb together, morphed by their own pose-key networks and skinned from their own attributes.
 
     corner  (N,) the first written vertex of each place: seams split vertices, and a seam must not count twice
     """
@@ -62,21 +62,29 @@ class GlbOutfit:
     corner: NDArray[np.intp]
 
     def posed(self, pose: NDArray[Any]) -> NDArray[np.float64]:
-        return world_mesh(self.asset, state_at_pose(self.asset, pose))[0][self.corner]
+        return world_mesh(self.asset, state_at_pose(self.asset, pose), self.asset.outfit_nodes)[0][self.corner]
 
 
 def read_outfit(path: Path) -> GlbOutfit:
-    """The outfit in a .glb that has the SMPL joints. Written vertices at one place at rest are one vertex.
+    """The outfits in a .glb that has the SMPL joints, without the body.
 
+    Written vertices of one mesh at one place at rest are one vertex.
     Raises GarmentcError where the file cannot be read or shows nothing.
     """
     asset = read_glb(path)
-    rest, triangles = world_mesh(asset, rest_state(asset))
+    rest, triangles = world_mesh(asset, rest_state(asset), asset.outfit_nodes)
     if not len(triangles):
         raise GarmentcError("has no triangles; there is nothing to evaluate", path)
     # To float32: the way through the skin rounds float64 differently where a seam lists the joints in another order.
-    places = rest.astype(np.float32) + np.float32(0)
+    places = np.column_stack([rest.astype(np.float32) + np.float32(0), _mesh_numbers(asset)])
     _, corner, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
     welded = place.reshape(-1)[triangles].astype(np.int32)
     proper = (welded != np.roll(welded, 1, axis=1)).all(axis=1)
     return GlbOutfit(asset, rest[corner], welded[proper], corner)
+
+
+def _mesh_numbers(asset: GlbAsset) -> NDArray[np.float32]:
+    """(S,) for each written vertex of the outfits, the number of its mesh: layers that touch stay apart."""
+    meshes = [asset.meshes[asset.nodes[index].mesh or 0] for index in asset.outfit_nodes]
+    sizes = [sum(len(primitive.positions) for primitive in mesh.primitives) for mesh in meshes]
+    return np.repeat(np.arange(len(sizes), dtype=np.float32), sizes)

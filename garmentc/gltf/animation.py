@@ -11,7 +11,7 @@ from garmentc.gltf.tracks import Track
 
 
 def add_animation(
-    writer: AccessorWriter, name: str, tracks: tuple[Track, ...], fps: float, joints: list[int], mesh_node: int
+    writer: AccessorWriter, name: str, tracks: tuple[Track, ...], fps: float, joints: list[int], mesh_nodes: list[int]
 ) -> None:
     """Add an animation with one channel for each track; nothing where there is no track.
 
@@ -27,7 +27,7 @@ def add_animation(
         frames = track.frames.tobytes()
         if frames not in times:
             times[frames] = writer.plain((track.frames / fps).astype(np.float32), bounds=True, label="keyframe times")
-        node = mesh_node if track.joint is None else joints[track.joint]
+        node = mesh_nodes[track.mesh] if track.joint is None else joints[track.joint]
         sampler = AnimationSampler(input=times[frames], output=_output(writer, track), interpolation=None)
         target = AnimationChannelTarget(node=node, path=track.path)
         animation.channels.append(AnimationChannel(sampler=len(animation.samplers), target=target))

@@ -1,4 +1,4 @@
-"""What the glTF back end writes: a rig on its corner vertices, materials, and perhaps a motion."""
+"""What the glTF back end writes: rigs on their corner vertices, materials, and perhaps motions."""
 
 from __future__ import annotations
 
@@ -40,11 +40,37 @@ class GltfOptions:
 class Clip:
     """A motion and the morph weights along it.
 
-    keys  (T, M); None evaluates the rig's pose-key network
+    keys  (T, M) of the asset's own rig; None evaluates its pose-key network, as it is for the meshes beside it
     """
 
     motion: Motion
     keys: NDArray[Any] | None = None
+
+
+@dataclass(frozen=True)
+class RiggedMesh:
+    """A mesh on the skeleton: an outfit, or the body.
+
+    rig          on welded vertices
+    primitives   corner vertices and triangles, one primitive per material
+    materials    what `CornerPrimitive.material` counts in
+    morph_names  one for each blend shape; None numbers them
+    is_body      what wears the outfits, and is none itself
+    """
+
+    name: str
+    rig: Rig
+    primitives: tuple[CornerPrimitive, ...]
+    materials: tuple[Material, ...]
+    morph_names: tuple[str, ...] | None = None
+    is_body: bool = False
+
+    @property
+    def target_names(self) -> tuple[str, ...]:
+        """One name for each morph target."""
+        if self.morph_names is not None:
+            return self.morph_names
+        return tuple(f"pose_key_{index:03d}" for index in range(self.rig.morph_count))
 
 
 @dataclass(frozen=True)
@@ -57,6 +83,7 @@ class Asset:
     clips        become animations
     morph_names  one for each blend shape; None numbers them
     extras       plain JSON for `asset.extras`
+    also         further meshes with the same joints; all names differ
     """
 
     name: str
@@ -68,10 +95,15 @@ class Asset:
     options: GltfOptions = GltfOptions()
     generator: str = f"garmentc {garmentc.__version__}"
     extras: dict[str, Any] = field(default_factory=dict)
+    also: tuple[RiggedMesh, ...] = ()
 
     @property
-    def target_names(self) -> tuple[str, ...]:
-        """One name for each morph target."""
-        if self.morph_names is not None:
-            return self.morph_names
-        return tuple(f"pose_key_{index:03d}" for index in range(self.rig.morph_count))
+    def meshes(self) -> tuple[RiggedMesh, ...]:
+        """All meshes, in the order in which they are written."""
+        own = RiggedMesh(self.name, self.rig, self.primitives, self.materials, self.morph_names)
+        return (own, *self.also)
+
+    @property
+    def rigs(self) -> tuple[Rig, ...]:
+        """One for each of `meshes`."""
+        return tuple(mesh.rig for mesh in self.meshes)

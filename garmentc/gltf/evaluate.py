@@ -5,6 +5,8 @@ Nothing here goes through garmentc.rig: agreement with the rig says that the fil
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,11 +16,13 @@ from garmentc.gltf.state import State, world_matrices
 _BLOCK = 1 << 16
 
 
-def world_positions(asset: GlbAsset, state: State) -> tuple[NDArray[np.float64], ...]:
-    """Positions (S, 3), metres, of every primitive of every mesh node in the file's order (glTF 2.0 section 3.7.3)."""
+def world_positions(
+    asset: GlbAsset, state: State, mesh_nodes: Sequence[int] | None = None
+) -> tuple[NDArray[np.float64], ...]:
+    """Positions (S, 3), metres, of every primitive of the mesh nodes, all in the file's order (glTF section 3.7.3)."""
     world = world_matrices(asset, state)
     positions = []
-    for index in asset.mesh_nodes:
+    for index in asset.mesh_nodes if mesh_nodes is None else mesh_nodes:
         node = asset.nodes[index]
         assert node.mesh is not None
         matrices = world[[index]]
@@ -30,12 +34,13 @@ def world_positions(asset: GlbAsset, state: State) -> tuple[NDArray[np.float64],
     return tuple(positions)
 
 
-def world_mesh(asset: GlbAsset, state: State) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """All primitives as one mesh: positions (S, 3), metres, and triangles (F, 3)."""
-    positions = world_positions(asset, state)
-    primitives = [
-        primitive for index in asset.mesh_nodes for primitive in asset.meshes[asset.nodes[index].mesh or 0].primitives
-    ]
+def world_mesh(
+    asset: GlbAsset, state: State, mesh_nodes: Sequence[int] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """All primitives of the mesh nodes as one mesh: positions (S, 3), metres, and triangles (F, 3)."""
+    nodes = asset.mesh_nodes if mesh_nodes is None else mesh_nodes
+    positions = world_positions(asset, state, nodes)
+    primitives = [primitive for index in nodes for primitive in asset.meshes[asset.nodes[index].mesh or 0].primitives]
     starts = np.cumsum([0] + [len(part) for part in positions[:-1]])
     triangles = [
         primitive.triangles.astype(np.int64) + start for primitive, start in zip(primitives, starts, strict=True)

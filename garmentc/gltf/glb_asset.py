@@ -84,6 +84,7 @@ class Node:
 
     rotation   quaternion x, y, z, w
     pose_keys  the network in the node's extras
+    is_body    shows the body, not an outfit
     """
 
     name: str
@@ -96,6 +97,7 @@ class Node:
     skin: int | None
     weights: tuple[float, ...] | None
     pose_keys: PoseKeyNetwork | None
+    is_body: bool = False
 
 
 @dataclass(frozen=True)
@@ -171,3 +173,8 @@ class GlbAsset:
     def mesh_nodes(self) -> tuple[int, ...]:
         """Nodes that show a mesh, in the file's order."""
         return tuple(index for index, node in enumerate(self.nodes) if node.mesh is not None)
+
+    @property
+    def outfit_nodes(self) -> tuple[int, ...]:
+        """Those of `mesh_nodes` that show an outfit, not the body."""
+        return tuple(index for index in self.mesh_nodes if not self.nodes[index].is_body)

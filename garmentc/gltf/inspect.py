@@ -30,6 +30,7 @@ class PrimitiveSummary:
 class MorphSummary:
     """vertices: of all primitives, that the target moves; largest_mm: the farthest one at weight 1."""
 
+    mesh: str
     name: str
     vertices: int
     largest_mm: float
@@ -154,6 +155,7 @@ def _morphs(asset: GlbAsset, mesh_node: int) -> list[MorphSummary]:
     sizes = morph_sizes(asset, mesh_node)
     return [
         MorphSummary(
+            mesh=mesh.name,
             name=mesh.target_names[morph] if morph < len(mesh.target_names) else "",
             vertices=sum(int((p.morph_positions[morph] != 0).any(axis=1).sum()) for p in mesh.primitives),
             largest_mm=float(sizes[morph]) * 1000,

@@ -43,7 +43,7 @@ def state_at_pose(
 
     pose         (24, 3) axis-angle, radians
     translation  (3,) metres, added to the rest position of the pelvis
-    keys         (M,) morph weights instead of the network's
+    keys         (M,) morph weights of every outfit, instead of its network's
     Raises GarmentcError where the file has no such joints, or a network that is not understood.
     """
     state = rest_state(asset)
@@ -53,7 +53,7 @@ def state_at_pose(
         state.translation[joints[0]] += np.asarray(translation, dtype=np.float64)
     for index in asset.mesh_nodes:
         network = pose_key_network(asset, index)
-        if keys is not None:
+        if keys is not None and not asset.nodes[index].is_body:
             amounts = np.asarray(keys, dtype=np.float64)
         elif network is not None:
             amounts = evaluate_network(asset, network, state)

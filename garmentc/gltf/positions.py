@@ -44,13 +44,14 @@ class PositionCodec:
         return np.round(vectors * (_SNORM16 / self.scale)).astype(np.int16)
 
 
-def position_codec(rig: Rig, quantize: bool) -> PositionCodec:
-    """One box for all vertices and blend shapes of the rig: a skin has one set of inverse bind matrices."""
+def position_codec(*rigs: Rig, quantize: bool) -> PositionCodec:
+    """One box for all vertices and blend shapes of the rigs: their skin has one set of inverse bind matrices."""
     if not quantize:
         return PositionCodec(False, np.zeros(3), 1.0)
-    low, high = rig.template.min(axis=0).astype(np.float64), rig.template.max(axis=0).astype(np.float64)
+    low = np.min([rig.template.min(axis=0) for rig in rigs], axis=0).astype(np.float64)
+    high = np.max([rig.template.max(axis=0) for rig in rigs], axis=0).astype(np.float64)
     center = np.round((low + high) / 2 / JOINT_GRID) * JOINT_GRID
-    reach = max(float((high - center).max()), float((center - low).max()), largest_delta(rig))
+    reach = max(float((high - center).max()), float((center - low).max()), max(map(largest_delta, rigs)))
     scale = np.nextafter(np.float32(max(reach, JOINT_GRID)), np.float32(np.inf))
     return PositionCodec(True, center, float(scale))
 

@@ -8,36 +8,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.gltf.accessors import AccessorWriter
-from garmentc.gltf.asset import Asset
+from garmentc.gltf.asset import GltfOptions, RiggedMesh
 from garmentc.gltf.positions import PositionCodec
 from garmentc.gltf.skin import add_influences, largest_influences
 from garmentc.gltf.tangents import vertex_tangents
 from garmentc.outfit.corners import CornerPrimitive
+from garmentc.rig import Rig
 
 
-def add_mesh(writer: AccessorWriter, asset: Asset, codec: PositionCodec, materials: dict[int, int]) -> int:
-    """Add the one mesh of the asset; returns its index.
+def add_mesh(
+    writer: AccessorWriter, shown: RiggedMesh, options: GltfOptions, codec: PositionCodec, materials: dict[int, int]
+) -> int:
+    """Add a mesh; returns its index.
 
     materials  index of each used material in the document
     """
     from pygltflib import Mesh
 
-    influences = largest_influences(asset.rig.weights, asset.options.influences)
+    influences = largest_influences(shown.rig.weights, options.influences)
     primitives = [
-        _add_primitive(writer, asset, codec, primitive, influences, materials[primitive.material])
-        for primitive in asset.primitives
+        _add_primitive(writer, shown, options, codec, primitive, influences, materials[primitive.material])
+        for primitive in shown.primitives
     ]
-    mesh = Mesh(name=asset.name, primitives=primitives)
-    if asset.rig.morph_count:
-        mesh.weights = [0.0] * asset.rig.morph_count
-        mesh.extras = {"targetNames": list(asset.target_names)}
+    mesh = Mesh(name=shown.name, primitives=primitives)
+    if shown.rig.morph_count:
+        mesh.weights = [0.0] * shown.rig.morph_count
+        mesh.extras = {"targetNames": list(shown.target_names)}
     writer.document.meshes.append(mesh)
     return len(writer.document.meshes) - 1
 
 
 def _add_primitive(
     writer: AccessorWriter,
-    asset: Asset,
+    shown: RiggedMesh,
+    options: GltfOptions,
     codec: PositionCodec,
     corners: CornerPrimitive,
     influences: tuple[NDArray[np.uint8], NDArray[np.float64]],
@@ -45,9 +49,9 @@ def _add_primitive(
 ) -> Any:
     from pygltflib import Attributes, Primitive
 
-    quantize = asset.options.quantize
+    rig, quantize = shown.rig, options.quantize
     attributes = Attributes()
-    positions = codec.positions(asset.rig.template[corners.vertices])
+    positions = codec.positions(rig.template[corners.vertices])
     attributes.POSITION = writer.attribute(positions, normalized=quantize, bounds=True, label="the template")
     normals = _normals(corners.normals, quantize)
     attributes.NORMAL = writer.attribute(normals, normalized=quantize, label="the normals")
@@ -55,8 +59,8 @@ def _add_primitive(
         texcoords = _texcoords(corners.texcoords, quantize)
         normalized = texcoords.dtype == np.uint16
         attributes.TEXCOORD_0 = writer.attribute(texcoords, normalized=normalized, label="the texture coordinates")
-    if corners.texcoords is not None and asset.materials[corners.material].normal_texture is not None:
-        tangents = _normals(vertex_tangents(asset.rig.template[corners.vertices], corners), quantize)
+    if corners.texcoords is not None and shown.materials[corners.material].normal_texture is not None:
+        tangents = _normals(vertex_tangents(rig.template[corners.vertices], corners), quantize)
         attributes.TANGENT = writer.attribute(tangents, normalized=quantize, label="the tangents")
     if corners.colors is not None:
         attributes.COLOR_0 = writer.attribute(_colors(corners.colors), normalized=True, label="the vertex colours")
@@ -64,7 +68,7 @@ def _add_primitive(
     add_influences(writer, attributes, joints[corners.vertices], weights[corners.vertices], quantize)
     return Primitive(
         attributes=attributes,
-        targets=[_add_target(writer, asset, codec, corners, morph) for morph in range(asset.rig.morph_count)],
+        targets=[_add_target(writer, rig, options, codec, corners, morph) for morph in range(rig.morph_count)],
         indices=writer.indices(corners.triangles),
         material=material,
         mode=None,
@@ -72,12 +76,12 @@ def _add_primitive(
 
 
 def _add_target(
-    writer: AccessorWriter, asset: Asset, codec: PositionCodec, corners: CornerPrimitive, morph: int
+    writer: AccessorWriter, rig: Rig, options: GltfOptions, codec: PositionCodec, corners: CornerPrimitive, morph: int
 ) -> Any:
     from pygltflib import Attributes
 
-    rig, quantize = asset.rig, asset.options.quantize
-    add = writer.sparse_attribute if asset.options.sparse else writer.attribute
+    quantize = options.quantize
+    add = writer.sparse_attribute if options.sparse else writer.attribute
     moved = codec.deltas(rig.blend_shapes[morph][corners.vertices])
     target = Attributes(POSITION=add(moved, normalized=quantize, bounds=True, label=f"blend shape {morph}"))
     if rig.blend_normals is not None:

@@ -15,6 +15,7 @@ from garmentc.gltf.read_accessors import AccessorReader
 from garmentc.gltf.read_materials import read_materials
 from garmentc.gltf.read_mesh import read_mesh
 from garmentc.gltf.read_pose_keys import network_in_extras
+from garmentc.gltf.role import BODY, ROLE
 
 _READABLE = {"KHR_mesh_quantization", "KHR_texture_transform", "KHR_materials_specular"}
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
@@ -78,6 +79,7 @@ def _read_nodes(root: Cursor, meshes: tuple[Mesh, ...], skins: tuple[Skin, ...])
             skin=entry.get("skin").index(len(skins)) if entry.get("skin").given else None,
             weights=weights.numbers(0 if mesh is None else meshes[mesh].morph_count) if weights.given else None,
             pose_keys=network_in_extras(entry.get("extras"), names),
+            is_body=isinstance(entry.get("extras").value, dict) and entry.get("extras").get(ROLE).value == BODY,
         )
         if node.mesh is not None and node.skin is not None:
             _check_joints(entry, meshes[node.mesh], skins[node.skin])

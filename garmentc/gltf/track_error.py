@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.gltf.asset import Clip
-from garmentc.gltf.tracks import Track, lerp, slerp
+from garmentc.gltf.tracks import Track, clip_keys, lerp, slerp
 from garmentc.rig import Rig
 from garmentc.smpl.rotations import quaternion_to_axis_angle
 
@@ -16,11 +18,23 @@ _VERTICES = 128
 """Vertices that are measured, evenly spread over the rig's."""
 
 
-def keyframe_error(clip: Clip, rig: Rig, tracks: tuple[Track, ...], root: NDArray[np.float64]) -> float:
+def keyframe_error(clip: Clip, rigs: Sequence[Rig], tracks: tuple[Track, ...], root: NDArray[np.float64]) -> float:
     """Metres between the clip and its tracks: the most over all frames of the motion and a sample of vertices.
 
+    rigs  of all meshes
     root  (3,) rest position of the pelvis node, which translation tracks contain
     """
+    all_keys = clip_keys(clip, rigs)
+    errors = []
+    for mesh, (rig, keys) in enumerate(zip(rigs, all_keys, strict=True)):
+        own = tuple(track for track in tracks if track.joint is not None or track.mesh == mesh)
+        errors.append(_error(clip, rig, keys, own, root))
+    return max(errors)
+
+
+def _error(
+    clip: Clip, rig: Rig, meant_keys: NDArray[Any], tracks: tuple[Track, ...], root: NDArray[np.float64]
+) -> float:
     count = len(clip.motion)
     chosen = np.unique(np.linspace(0, rig.vertex_count - 1, _VERTICES).astype(int))
     sample = replace(
@@ -37,7 +51,7 @@ def keyframe_error(clip: Clip, rig: Rig, tracks: tuple[Track, ...], root: NDArra
             translation = values - root
         else:
             keys = values
-    meant = sample.posed(clip.motion.poses, clip.motion.trans, clip.keys)
+    meant = sample.posed(clip.motion.poses, clip.motion.trans, meant_keys)
     given = sample.posed(poses, translation, keys)
     return float(np.linalg.norm(meant - given, axis=-1).max())
 

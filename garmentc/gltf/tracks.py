@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,26 +27,30 @@ class Track:
     joint   whose property it is; None for the morph weights
     frames  (K,) increasing frame numbers, the first and the last frame of the motion among them
     values  (K, C) float32: quaternions x, y, z, w; metres; or morph weights
+    mesh    whose morph weights they are
     """
 
     path: str
     joint: int | None
     frames: NDArray[np.intp]
     values: NDArray[np.float32]
+    mesh: int = 0
 
 
-def clip_tracks(clip: Clip, rig: Rig, root: NDArray[Any], tolerance: float) -> tuple[Track, ...]:
+def clip_tracks(clip: Clip, rigs: Sequence[Rig], root: NDArray[Any], tolerance: float) -> tuple[Track, ...]:
     """The tracks of a clip; properties that stay as they are at rest have none.
 
+    rigs       of all meshes, with the same joints
     root       (3,) rest position of the pelvis node
     tolerance  metres: leaving out the keyframes of one track moves no vertex further at any frame of the motion,
                interpolated as engines do; 0 keeps every keyframe
     """
     tracks = []
-    weights = rig.pose_keys(clip.motion.poses.astype(np.float64)) if clip.keys is None else clip.keys
-    sizes = np.array([largest_row(shape) for shape in rig.blend_shapes])
+    weights = clip_keys(clip, rigs)
+    sizes = [np.array([largest_row(shape) for shape in rig.blend_shapes]) for rig in rigs]
     quaternions = continuous(axis_angle_to_quaternion(clip.motion.poses.astype(np.float64)))
-    reach = joint_reach(rig, swell=float((np.abs(weights) @ sizes).max()))
+    swells = [float((np.abs(keys) @ size).max()) for keys, size in zip(weights, sizes, strict=True)]
+    reach = np.max([joint_reach(rig, swell) for rig, swell in zip(rigs, swells, strict=True)], axis=0)
     for joint in range(JOINT_COUNT):
         rotation = quaternions[:, joint]
         if np.any(rotation[:, :3] != 0):
@@ -55,10 +60,25 @@ def clip_tracks(clip: Clip, rig: Rig, root: NDArray[Any], tolerance: float) -> t
     if np.any(translation != 0):
         frames = kept_frames(translation, lerp, _distance, tolerance)
         tracks.append(Track("translation", 0, frames, (root + translation[frames]).astype(np.float32)))
-    if np.any(np.abs(weights) @ sizes > _AT_REST):
-        frames = kept_frames(weights, lerp, lambda a, b: np.abs(a - b) @ sizes, tolerance)
-        tracks.append(Track("weights", None, frames, weights[frames].astype(np.float32)))
+    for mesh, (keys, size) in enumerate(zip(weights, sizes, strict=True)):
+        if np.any(np.abs(keys) @ size > _AT_REST):
+            frames = kept_frames(keys, lerp, partial(_moved, size), tolerance)
+            tracks.append(Track("weights", None, frames, keys[frames].astype(np.float32), mesh))
     return tuple(tracks)
+
+
+def clip_keys(clip: Clip, rigs: Sequence[Rig]) -> tuple[NDArray[Any], ...]:
+    """Morph weights (T, M) of each rig along a clip."""
+    poses = clip.motion.poses.astype(np.float64)
+    return tuple(
+        rig.pose_keys(poses) if clip.keys is None or mesh else np.asarray(clip.keys) for mesh, rig in enumerate(rigs)
+    )
+
+
+def _moved(sizes: NDArray[Any], a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """Metres that a vertex moves at most between morph weights (K, M) and (K, M)."""
+    moved: NDArray[Any] = np.abs(a - b) @ sizes
+    return moved
 
 
 def kept_frames(

@@ -11,11 +11,12 @@ from garmentc.errors import Diagnostic
 from garmentc.gltf import pose_keys
 from garmentc.gltf.accessors import AccessorWriter
 from garmentc.gltf.animation import add_animation
-from garmentc.gltf.asset import Asset, Clip
+from garmentc.gltf.asset import Asset, Clip, RiggedMesh
 from garmentc.gltf.glb import glb_writer
 from garmentc.gltf.materials import MaterialWriter
 from garmentc.gltf.positions import position_codec
 from garmentc.gltf.primitives import add_mesh
+from garmentc.gltf.role import BODY, ROLE
 from garmentc.gltf.skin import add_joints, add_skin, left_out_share, on_grid
 from garmentc.gltf.track_error import keyframe_error
 from garmentc.gltf.tracks import Track, clip_tracks
@@ -42,13 +43,13 @@ class WrittenGlb:
 
 
 def write_glb(asset: Asset, path: str | os.PathLike[str]) -> WrittenGlb:
-    """Write `asset` as a .glb: one skinned mesh, 24 joints, morph targets, materials, animations, pose keys.
+    """Write `asset` as a .glb: 24 joints, one skin, its meshes, morph targets, materials, animations, pose keys.
 
     Equal assets give equal bytes. The file appears whole or not at all.
     Raises GarmentcError where the file cannot be written, or where the rig holds NaN.
     """
     root = on_grid(asset.rig.joints)[0]
-    clips = [(clip, clip_tracks(clip, asset.rig, root, asset.options.key_tolerance)) for clip in asset.clips]
+    clips = [(clip, clip_tracks(clip, asset.rigs, root, asset.options.key_tolerance)) for clip in asset.clips]
     with glb_writer(path) as (document, chunk):
         _fill(document, AccessorWriter(document, chunk), asset, clips)
     return WrittenGlb(
@@ -56,13 +57,13 @@ def write_glb(asset: Asset, path: str | os.PathLike[str]) -> WrittenGlb:
         bytes=Path(path).stat().st_size,
         keyframes=sum(len(track.frames) for _, tracks in clips for track in tracks),
         all_keyframes=sum(len(clip.motion) * len(tracks) for clip, tracks in clips),
-        keyframe_error=max((keyframe_error(clip, asset.rig, tracks, root) for clip, tracks in clips), default=0.0),
+        keyframe_error=max((keyframe_error(clip, asset.rigs, tracks, root) for clip, tracks in clips), default=0.0),
         warnings=_warnings(asset),
     )
 
 
 def _warnings(asset: Asset) -> tuple[Diagnostic, ...]:
-    left_out = left_out_share(asset.rig.weights, asset.options.influences)
+    left_out = max(left_out_share(rig.weights, asset.options.influences) for rig in asset.rigs)
     if left_out < 1e-6:
         return ()
     message = (
@@ -84,31 +85,44 @@ def _fill(
     document.asset = GltfAsset(generator=asset.generator, extras=dict(asset.extras))
     joints = add_joints(document, asset.rig.joints)
     armature = _add_node(document, Node(name=f"{asset.name}_armature", children=[joints[0]]))
-    codec = position_codec(asset.rig, asset.options.quantize)
+    codec = position_codec(*asset.rigs, quantize=asset.options.quantize)
     materials = MaterialWriter(writer)
-    used = {
-        primitive.material: materials.add(asset.materials[primitive.material], primitive.texcoords is not None)
-        for primitive in asset.primitives
-    }
-    mesh = add_mesh(writer, asset, codec, used)
+    meshes = [add_mesh(writer, shown, asset.options, codec, _add_materials(materials, shown)) for shown in asset.meshes]
     skin = add_skin(writer, joints, asset.rig.joints, codec.matrix)
-    mesh_node = _add_node(document, Node(name=asset.name, mesh=mesh, skin=skin))
-    document.scenes = [Scene(nodes=[armature, mesh_node])]  # a skinned mesh belongs at the root (section 3.7.3.3)
+    mesh_nodes = [
+        _add_node(document, Node(name=shown.name, mesh=mesh, skin=skin, extras=_role(shown)))
+        for shown, mesh in zip(asset.meshes, meshes, strict=True)
+    ]
+    document.scenes = [Scene(nodes=[armature, *mesh_nodes])]  # a skinned mesh belongs at the root (section 3.7.3.3)
     document.scene = 0
 
     extensions = set(materials.extensions)
-    if asset.options.pose_keys and asset.rig.keys is not None:
-        extension = pose_keys.add_extension(writer, asset.rig.keys, joints)
-        document.meshes[mesh].extensions = {pose_keys.EXTENSION: extension}
-        document.nodes[mesh_node].extras = {pose_keys.EXTENSION: pose_keys.extras_string(asset.rig.keys)}
-        extensions.add(pose_keys.EXTENSION)
+    for shown, mesh, mesh_node in zip(asset.meshes, meshes, mesh_nodes, strict=True):
+        if asset.options.pose_keys and shown.rig.keys is not None:
+            extension = pose_keys.add_extension(writer, shown.rig.keys, joints)
+            document.meshes[mesh].extensions = {pose_keys.EXTENSION: extension}
+            document.nodes[mesh_node].extras[pose_keys.EXTENSION] = pose_keys.extras_string(shown.rig.keys)
+            extensions.add(pose_keys.EXTENSION)
     if asset.options.quantize:
         extensions.add(QUANTIZATION)
         document.extensionsRequired = [QUANTIZATION]
     document.extensionsUsed = sorted(extensions)
 
     for clip, tracks in clips:
-        add_animation(writer, clip.motion.name, tracks, clip.motion.fps, joints, mesh_node)
+        add_animation(writer, clip.motion.name, tracks, clip.motion.fps, joints, mesh_nodes)
+
+
+def _add_materials(materials: MaterialWriter, shown: RiggedMesh) -> dict[int, int]:
+    """Add the materials that a mesh uses; returns the index of each in the document."""
+    return {
+        primitive.material: materials.add(shown.materials[primitive.material], primitive.texcoords is not None)
+        for primitive in shown.primitives
+    }
+
+
+def _role(shown: RiggedMesh) -> dict[str, str]:
+    """Extras of the mesh's node: a string, for exporters crash on lists and objects there."""
+    return {ROLE: BODY} if shown.is_body else {}
 
 
 def _add_node(document: Any, node: Any) -> int:

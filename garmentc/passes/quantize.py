@@ -19,9 +19,14 @@ from garmentc.rig import Rig
 
 @dataclass(frozen=True)
 class Quantize:
-    """influences  joints that may move a vertex in the file: 4 or 8"""
+    """What the back end will do.
+
+    influences  joints that may move a vertex in the file: 4 or 8
+    beside      rigs that share the file's one box of positions
+    """
 
     influences: int = 4
+    beside: tuple[Rig, ...] = ()
 
 
 def quantize(rig: Rig, options: Quantize, poses: PoseSet) -> tuple[Rig, PassReport]:
@@ -29,7 +34,7 @@ def quantize(rig: Rig, options: Quantize, poses: PoseSet) -> tuple[Rig, PassRepo
 
     The rig itself stays as it is: the back end does the rounding, once.
     """
-    codec = position_codec(rig, quantize=True)
+    codec = position_codec(rig, *options.beside, quantize=True)
     part = take_vertices(rig, spread_vertices(rig.vertex_count, MAX_VERTICES))
     weights = largest_weights(part.weights, options.influences).astype(np.float64)
     joints = np.argsort(-weights, axis=1, kind="stable")
