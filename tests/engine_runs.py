@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 from dataclasses import dataclass, replace
@@ -23,6 +24,11 @@ def require_engines() -> None:
         pytest.skip("node is not installed; engine tests need node 20.11 or later")
     if not (ENGINES / "node_modules").is_dir():
         pytest.skip("tests/engines/node_modules is missing; run `npm ci` in tests/engines")
+
+
+def chromium() -> str:
+    """The browser's command; the environment variable CHROMIUM replaces it."""
+    return os.environ.get("CHROMIUM", "chromium")
 
 
 @dataclass(frozen=True)
@@ -84,12 +90,23 @@ def animated_positions(program: str, glbs: list[Path], times: list[float], folde
 
 def posed_positions(glbs: list[Path], poses: np.ndarray, translations: np.ndarray, folder: Path) -> list[np.ndarray]:
     """World positions (T, S, 3) in poses (T, 24, 3), morph weights by three.js from each file's pose-key network."""
+    found = []
+    for glb, moved in zip(glbs, try_posed_positions(glbs, poses, translations, folder), strict=True):
+        assert not isinstance(moved, Refused), f"{glb.name} is not driven: {moved.reason}"
+        found.append(moved)
+    return found
+
+
+def try_posed_positions(
+    glbs: list[Path], poses: np.ndarray, translations: np.ndarray, folder: Path
+) -> list[np.ndarray | Refused]:
+    """`posed_positions`, or why there are none."""
     listed = [
         {"rotations": pose.tolist(), "translation": moved.tolist()}
         for pose, moved in zip(poses, translations, strict=True)
     ]
-    outs = run("three_pose_keys.mjs", [{"glb": str(glb), "poses": listed} for glb in glbs], folder)
-    return [np.fromfile(out).reshape(len(poses), -1, 3) for out in outs]
+    outs = attempt("three_pose_keys.mjs", [{"glb": str(glb), "poses": listed} for glb in glbs], folder)
+    return [out if isinstance(out, Refused) else np.fromfile(out).reshape(len(poses), -1, 3) for out in outs]
 
 
 def first_four(rig: Rig) -> Rig:
