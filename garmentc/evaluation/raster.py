@@ -57,7 +57,7 @@ def render(surfaces: Sequence[Surface], camera: Camera) -> NDArray[np.uint8]:
         for pixel, depth, triangle, barycentric in _fragments(points[surface.triangles], width, height):
             # Of the samples at one pixel the nearest wins, and of equally near ones the first triangle's.
             order = np.lexsort((triangle, -depth, pixel))
-            first = order[np.concatenate([[True], pixel[order][1:] != pixel[order][:-1]])]
+            first = order[np.diff(pixel[order], prepend=-1) > 0]
             seen = first[depth[first] > depths[pixel[first]]]
             depths[pixel[seen]] = depth[seen]
             corners = lit[surface.triangles[triangle[seen]]]
