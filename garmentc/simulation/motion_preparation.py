@@ -26,6 +26,8 @@ from garmentc.smpl.rotations import (
 
 _SCREENED = 40
 """Frames at which an opening of the arms is tried."""
+_STRIDE = 3
+"""One in so many frames of a motion is asked."""
 _SAMPLED = 4
 """One in so many vertices of the body is asked: they lie about a centimetre apart."""
 
@@ -88,11 +90,11 @@ def prepare_motion(
     overlap = SelfOverlap.of(body, betas, options)
     opening = _clearing_angle(poses, overlap, options)
     poses = open_arms(poses, opening)
-    clear = overlap.clear(poses)
+    clear = overlap.clear_throughout(poses)
     if 0 < np.count_nonzero(~clear) < len(poses) - 1:
         bridged_poses, bridged_trans = _bridged(poses, trans, clear)
         again = clear.copy()
-        again[~clear] = overlap.clear(bridged_poses[~clear])
+        again[~clear] = overlap.clear_throughout(bridged_poses)[~clear]
     else:
         bridged_poses, bridged_trans, again = poses, trans, clear
     way_poses, way_trans = _way_in(bridged_poses[0], bridged_trans[0], options)
@@ -137,6 +139,20 @@ class SelfOverlap:
     def clear(self, poses: NDArray[Any]) -> NDArray[np.bool_]:
         """Which of `poses` (T, 24, 3) are clear, (T,)."""
         return self.shares(poses) <= self.share
+
+    def clear_throughout(self, poses: NDArray[Any]) -> NDArray[np.bool_]:
+        """As `clear`, for the frames of a motion: those between two clear ones close by are not asked.
+
+        Every third frame is; in a thirtieth of a second no limb moves far.
+        """
+        frames = np.arange(len(poses))
+        asked = np.union1d(frames[::_STRIDE], frames[-1:])
+        answers = self.clear(poses[asked])
+        before = np.searchsorted(asked, frames, side="right") - 1
+        clear: NDArray[np.bool_] = answers[before] & answers[np.searchsorted(asked, frames)]
+        doubtful = np.setdiff1d(frames[~clear], asked)
+        clear[doubtful] = self.clear(poses[doubtful])
+        return clear
 
 
 def _overlapped(vertices: NDArray[Any], faces: NDArray[Any], depth: float) -> NDArray[np.bool_]:

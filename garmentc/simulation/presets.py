@@ -61,8 +61,8 @@ BENCHMARK = Preset(
     held_out_motions=3,
     known_motions=1,
     new_motions=2,
-    known_sampled=6,
-    frames=230,
+    known_sampled=18,
+    frames=205,
     new_frames=64,
 )
 

@@ -26,8 +26,10 @@ def self_crossings(vertices: NDArray[Any], triangles: NDArray[Any]) -> NDArray[n
     tri = np.asarray(triangles, np.intp)
     edge = edges_of(np.asarray(triangles, np.int32))
     which, face = _near_pairs(points[edge], points[tri])
-    apart = ~(tri[face][:, :, None] == edge[which][:, None, :]).any(axis=(1, 2))
-    which, face = which[apart], face[apart]
+    for end in edge.T:
+        for corner in tri.T:
+            apart = end[which] != corner[face]
+            which, face = which[apart], face[apart]
     pierced = _pierces(points[edge[which]], points[tri[face]])
     crossing: NDArray[np.int32] = edge[np.unique(which[pierced])]
     return crossing
