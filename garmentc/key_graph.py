@@ -6,6 +6,7 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from garmentc.output import written_whole
 from garmentc.rig import NORMALIZED_RELU_EPSILON, KeyNetwork
@@ -21,15 +22,27 @@ def write_key_graph(network: KeyNetwork, path: str | PathLike[str]) -> None:
         file.write(data)
 
 
-def key_graph(network: KeyNetwork) -> bytes:
-    """An ONNX model: pose (T, 24, 3) axis-angle in radians → keys (T, M), float32. Equal networks give equal bytes."""
+REST_KEYS = "rest_keys"
+
+
+def layer_constants(index: int) -> tuple[str, str]:
+    """Names of the constants that hold the weight and the bias of a layer."""
+    return f"layer_{index}.weight", f"layer_{index}.bias"
+
+
+def key_graph(network: KeyNetwork, rest_keys: NDArray[Any] | None = None) -> bytes:
+    """An ONNX model: pose (T, 24, 3) axis-angle in radians → keys (T, M), float32. Equal networks give equal bytes.
+
+    rest_keys  (M,) subtracted last, where the network itself does not vanish at rest; the constant REST_KEYS
+    """
     from onnx import TensorProto, checker, helper
 
     graph = _Graph()
     x = _encoded(graph)
     for index, layer in enumerate(network.layers):
         name = f"layer_{index}"
-        weight, bias = (graph.constant(f"{name}.{part}", getattr(layer, part)) for part in ("weight", "bias"))
+        values = (layer.weight, layer.bias)
+        weight, bias = map(graph.constant, layer_constants(index), values)
         x = graph.add("Gemm", [x, weight, bias], name, transB=1)
         if layer.activation != "linear":
             x = graph.add("Relu", [x], f"{name}.relu")
@@ -39,7 +52,10 @@ def key_graph(network: KeyNetwork) -> bytes:
                 "Add", [total, graph.constant(f"{name}.epsilon", [NORMALIZED_RELU_EPSILON])], f"{name}.floor"
             )
             x = graph.add("Div", [x, floor], f"{name}.normalized")
-    graph.add("Identity", [x], "keys")
+    if rest_keys is None:
+        graph.add("Identity", [x], "keys")
+    else:
+        graph.add("Sub", [x, graph.constant(REST_KEYS, rest_keys)], "keys")
     pose = helper.make_tensor_value_info("pose", TensorProto.FLOAT, ["T", JOINT_COUNT, 3])
     keys = helper.make_tensor_value_info("keys", TensorProto.FLOAT, ["T", network.output_size])
     body = helper.make_graph(graph.nodes, "pose_keys", [pose], [keys], graph.constants)

@@ -1,4 +1,4 @@
-"""DeePSD's network (Bertiche et al. 2021, sections 4.2 and 9) in torch.
+"""DeePSD's network (Bertiche et al. 2021, sections 4.2 and 9) in torch, and the variants of its ablations.
 
 Where it departs from the paper, and why:
 - Ω ends in a softmax, so no weight row is ever all zero (the published code ends in ReLU and can produce one).
@@ -12,16 +12,33 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-from garmentc.rig import NORMALIZED_RELU_EPSILON
+from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE, NORMALIZED_RELU_EPSILON
+from garmentc.training.pose_encodings import POSE_ENCODINGS
+
+BLEND_SHAPES, VERTICES, NONE = "blend_shapes", "vertices", "none"
+DEFORMATIONS = (BLEND_SHAPES, VERTICES, NONE)
+"""DeePSD itself; the paper's baseline, which deforms a vertex by its descriptor and the pose; skinning only.
+
+The baseline is no blend-shape model, so it has no rig and no bundle.
+"""
 
 
 @dataclass(frozen=True)
 class DeepsdConfig:
-    """Layer widths; the defaults are the paper's."""
+    """Layer widths and variants; the defaults are the paper's network.
+
+    keys               pose keys, P in the paper; ignored without pose embedding or blend shapes
+    deformation        one of DEFORMATIONS
+    global_descriptor  whether heads see the outfit as a whole
+    pose_embedding     whether an MLP makes the keys; otherwise the encoded pose is the keys
+    pose_encoding      one of POSE_ENCODINGS; a bundle can only have the first
+    metadata_width     numbers that describe fabric and fit, see `garmentc.training.metadata`
+    """
 
     convolutions: tuple[int, ...] = (32, 64, 128, 256)
     global_width: int = 256
@@ -30,7 +47,27 @@ class DeepsdConfig:
     pose_head: tuple[int, ...] = (256, 256, 256)
     keys: int = 128
     joints: int = 24
-    pose_features: int = 72
+    deformation: str = BLEND_SHAPES
+    global_descriptor: bool = True
+    pose_embedding: bool = True
+    pose_encoding: str = ENCODING_GRAVITY_AXIS_ANGLE
+    metadata_width: int = 0
+
+    @property
+    def pose_features(self) -> int:
+        return POSE_ENCODINGS[self.pose_encoding].width
+
+    @property
+    def pose_code(self) -> int:
+        """Width of what stands for the pose: P."""
+        return self.keys if self.pose_embedding else self.pose_features
+
+
+class Descriptors(NamedTuple):
+    """What the heads see: `local` (N, 256) of each vertex and `shared` (S,) of the outfit."""
+
+    local: Tensor
+    shared: Tensor
 
 
 class GraphConvolution(nn.Module):
@@ -53,55 +90,133 @@ def _mlp(sizes: tuple[int, ...]) -> nn.Sequential:
     return nn.Sequential(*layers[:-1])
 
 
+def _with_shared(head: nn.Sequential, local: Tensor, shared: Tensor) -> Tensor:
+    """`head` of every row of `local` with `shared` behind it; what is shared is multiplied once, not once a row."""
+    first = head[0]
+    assert isinstance(first, nn.Linear)
+    width = local.shape[-1]
+    around = nn.functional.linear(shared, first.weight[:, width:], first.bias)
+    x: Tensor = head[1:](nn.functional.linear(local, first.weight[:, :width]) + around)
+    return x
+
+
 class Deepsd(nn.Module):
-    """Φ (`convolutions`, `global_layer`), Ω (`weight_head`), Ψ (`data_head`), χ (`physics_head`) and the pose MLP."""
+    """Φ (`convolutions`, `global_layer`), Ω (`weight_head`), Ψ (`data_head`), χ (`physics_head`) and the pose MLP.
+
+    Only blend-shape models have χ. The modules that a variant does without are absent.
+    """
 
     def __init__(self, config: DeepsdConfig | None = None) -> None:
         super().__init__()
         self.config = config = config or DeepsdConfig()
         widths = (6, *config.convolutions)
         self.convolutions = nn.ModuleList(GraphConvolution(a, b) for a, b in itertools.pairwise(widths))
-        self.global_layer = nn.Linear(widths[-1], config.global_width)
-        features = widths[-1] + config.global_width
+        shared = config.metadata_width
+        if config.global_descriptor:
+            self.global_layer = nn.Linear(widths[-1], config.global_width)
+            shared += config.global_width
+        features = widths[-1] + shared
         self.weight_head = _mlp((features, *config.weight_head, config.joints))
-        self.data_head = _mlp((features, *config.shape_head, 3 * config.keys))
-        self.physics_head = _mlp((features, *config.shape_head, 3 * config.keys))
-        self.pose_head = _mlp((config.pose_features, *config.pose_head, config.keys))
+        if config.deformation == BLEND_SHAPES:
+            self.data_head = _mlp((features, *config.shape_head, 3 * config.pose_code))
+            self.physics_head = _mlp((features, *config.shape_head, 3 * config.pose_code))
+        elif config.deformation == VERTICES:
+            self.data_head = _mlp((features + config.pose_code, *config.shape_head, 3))
+        if config.deformation != NONE and config.pose_embedding:
+            self.pose_head = _mlp((config.pose_features, *config.pose_head, config.keys))
         for module in self.modules():
             if isinstance(module, nn.Linear):
                 nn.init.xavier_normal_(module.weight)
                 if module.bias is not None:
                     nn.init.zeros_(module.bias)
-        for head in (self.data_head, self.physics_head):  # start near "no deformation"
-            last = head[-1]
+        for head, share in zip(self.deforming_heads, (0.1, 0.0), strict=False):  # start near "no deformation"
+            last = head[-1]  # χ starts with none at all: until it is trained, it adds nothing
             assert isinstance(last, nn.Linear)
             with torch.no_grad():
-                last.weight.mul_(0.1)
+                last.weight.mul_(share)
 
-    def descriptors(self, vertices: Tensor, normals: Tensor, mean: Tensor) -> Tensor:
-        """Φ: vertices and normals (N, 3), mean (N, N) sparse; returns local and global descriptors (N, 512)."""
+    @property
+    def deforming_heads(self) -> tuple[nn.Sequential, ...]:
+        """Ψ and χ, those that this variant has."""
+        kinds = {BLEND_SHAPES: ("data_head", "physics_head"), VERTICES: ("data_head",), NONE: ()}
+        return tuple(getattr(self, name) for name in kinds[self.config.deformation])
+
+    def descriptors(
+        self,
+        vertices: Tensor,
+        normals: Tensor,
+        mean: Tensor,
+        metadata: Tensor | None = None,
+        rows: Tensor | None = None,
+    ) -> Descriptors:
+        """Φ: vertices and normals (N, 3), mean (N, N) sparse, metadata (metadata_width,), zeros where None.
+
+        rows  the vertices whose descriptors are wanted; all by default. They are the same whatever else is wanted.
+        """
         x = torch.cat([vertices, normals], dim=1)
         for convolution in self.convolutions:
             x = convolution(x, mean)
-        pooled = torch.relu(self.global_layer(x)).amax(dim=0)
-        return torch.cat([x, pooled.expand(len(x), -1)], dim=1)
+        shared = []
+        if self.config.global_descriptor:
+            shared.append(self._pooled(x))
+        if self.config.metadata_width:
+            shared.append(x.new_zeros(self.config.metadata_width) if metadata is None else metadata)
+        return Descriptors(x if rows is None else x[rows], torch.cat(shared) if shared else x.new_zeros(0))
 
-    def blend_weights(self, descriptors: Tensor) -> Tensor:
-        """Ω: (N, 512) to (N, 24), rows sum to 1."""
-        return torch.softmax(self.weight_head(descriptors), dim=1)
+    def _pooled(self, local: Tensor) -> Tensor:
+        """The global descriptor (256,): the largest over the vertices of what `global_layer` makes of each.
 
-    def blend_shapes(self, descriptors: Tensor, *, data: bool = True, physics: bool = True) -> Tensor:
-        """Ψ + χ: (N, 512) to (N, P, 3), metres per unit of key."""
-        parts = [head(descriptors) for head, wanted in ((self.data_head, data), (self.physics_head, physics)) if wanted]
-        return torch.stack(parts).sum(dim=0).reshape(len(descriptors), -1, 3)
+        Only the vertices that win have a gradient, so only they are computed with one: the same numbers, faster.
+        """
+        with torch.no_grad():
+            winners = self.global_layer(local).argmax(dim=0)
+        return torch.relu((local[winners] * self.global_layer.weight).sum(dim=1) + self.global_layer.bias)
+
+    def blend_weights(self, descriptors: Descriptors) -> Tensor:
+        """Ω: (N, 24), rows sum to 1."""
+        return torch.softmax(self.weight_logits(descriptors), dim=1)
+
+    def weight_logits(self, descriptors: Descriptors) -> Tensor:
+        """Ω before its softmax, (N, 24)."""
+        return _with_shared(self.weight_head, *descriptors)
+
+    def blend_shapes(self, descriptors: Descriptors, *, data: bool = True, physics: bool = True) -> Tensor:
+        """Ψ + χ: (N, P, 3), metres per unit of key."""
+        wanted = [head for head, take in zip(self.deforming_heads, (data, physics), strict=True) if take]
+        parts = [_with_shared(head, *descriptors) for head in wanted]
+        return torch.stack(parts).sum(dim=0).reshape(len(descriptors.local), -1, 3)
 
     def absolute_keys(self, features: Tensor) -> Tensor:
         """g: encoded poses (T, 72) to keys (T, P), each row of positive numbers that sum to 1."""
+        if not self.config.pose_embedding:
+            return features
         keys = torch.relu(self.pose_head(features))
         return keys / (keys.sum(dim=1, keepdim=True) + NORMALIZED_RELU_EPSILON)
 
     def pose_keys(self, features: Tensor) -> Tensor:
         """f(θ) = g(θ) − g(rest): zero at rest. (T, 72) to (T, P)."""
-        rest = torch.zeros(1, self.config.pose_features, dtype=features.dtype)
-        both = self.absolute_keys(torch.cat([rest, features]))
+        both = self.absolute_keys(torch.cat([torch.zeros_like(features[:1]), features]))
         return both[1:] - both[:1]
+
+    def deformations(self, descriptors: Descriptors, features: Tensor, *, physics: bool = True) -> Tensor:
+        """How each vertex moves before skinning, (T, N, 3) metres, in the poses `features` (T, 72)."""
+        kind, count = self.config.deformation, len(descriptors.local)
+        if kind == NONE:
+            return features.new_zeros(len(features), count, 3)
+        keys = self.pose_keys(features)
+        if kind == BLEND_SHAPES:
+            return combined(keys, self.blend_shapes(descriptors, physics=physics))
+        first = self.data_head[0]
+        assert isinstance(first, nn.Linear)
+        width = first.in_features - self.config.pose_code
+        at_vertex = nn.functional.linear(descriptors.local, first.weight[:, : descriptors.local.shape[1]])
+        around = nn.functional.linear(descriptors.shared, first.weight[:, descriptors.local.shape[1] : width])
+        in_pose = nn.functional.linear(keys, first.weight[:, width:], first.bias)
+        moved: Tensor = self.data_head[1:](at_vertex + around + in_pose[:, None])
+        return moved
+
+
+def combined(keys: Tensor, shapes: Tensor) -> Tensor:
+    """sum_i keys_i D_i: keys (T, P), shapes (N, P, 3); returns (T, N, 3)."""
+    count = len(shapes)
+    return (keys @ shapes.transpose(0, 1).reshape(keys.shape[1], 3 * count)).reshape(len(keys), count, 3)

@@ -1,4 +1,4 @@
-"""DeePSD's network as ONNX: one graph from outfit to rig, one from pose to keys.
+"""DeePSD's network as ONNX: one graph from outfit to rig, one from pose to keys (`garmentc.key_graph`).
 
 The graphs are written node by node rather than traced: names are stable (a bundle's reader cuts the outfit graph at
 them to work in pieces) and the same weights give the same bytes.
@@ -6,6 +6,7 @@ them to work in pieces) and the same weights give the same bytes.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,23 @@ import torch
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
+from garmentc.errors import GarmentcError
 from garmentc.families.deepsd_names import CANDIDATES, GLOBAL, LOCAL, NEIGHBORS, NORMALS, SHAPES, VERTICES, WEIGHTS
-from garmentc.rig import NORMALIZED_RELU_EPSILON
-from garmentc.training.deepsd_network import Deepsd
+from garmentc.key_graph import key_graph
+from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE, DenseLayer, KeyNetwork
+from garmentc.training.deepsd_network import NONE, Deepsd, DeepsdConfig
+from garmentc.training.deepsd_network import VERTICES as VERTICES_DIRECTLY
 
 OPSET = 18
 IR_VERSION = 9
+
+
+@dataclass(frozen=True)
+class Layer:
+    """weight (outputs, inputs), bias (outputs,) or None, float32."""
+
+    weight: NDArray[Any]
+    bias: NDArray[Any] | None
 
 
 class _Graph:
@@ -37,18 +49,17 @@ class _Graph:
         self.nodes.append(helper.make_node(op, inputs, [output], name=output, **attributes))
         return output
 
-    def linear(self, x: str, layer: Any, name: str) -> str:
-        inputs = [x, self.constant(f"{name}.weight", layer.weight.detach().numpy())]
+    def linear(self, x: str, layer: Layer, name: str) -> str:
+        inputs = [x, self.constant(f"{name}.weight", layer.weight)]
         if layer.bias is not None:
-            inputs.append(self.constant(f"{name}.bias", layer.bias.detach().numpy()))
+            inputs.append(self.constant(f"{name}.bias", layer.bias))
         return self.add("Gemm", inputs, f"{name}.out", transB=1)
 
-    def mlp(self, x: str, layers: torch.nn.Sequential, name: str) -> str:
+    def mlp(self, x: str, layers: list[Layer], name: str) -> str:
         for index, layer in enumerate(layers):
-            if isinstance(layer, torch.nn.Linear):
-                x = self.linear(x, layer, f"{name}.{index // 2}")
-            else:
-                x = self.add("Relu", [x], f"{name}.{index // 2}.relu")
+            x = self.linear(x, layer, f"{name}.{index}")
+            if index < len(layers) - 1:
+                x = self.add("Relu", [x], f"{name}.{index}.relu")
         return x
 
     def model(self, inputs: list[Any], outputs: list[Any], known: list[Any], doc: str) -> bytes:
@@ -64,9 +75,15 @@ def _floats(name: str, *shape: str | int) -> Any:
     return helper.make_tensor_value_info(name, TensorProto.FLOAT, list(shape))
 
 
-def outfit_graph(network: Deepsd) -> bytes:
-    """vertices, normals (N, 3), neighbors (N, K) int64 padded with N → weights (N, 24), blend_shapes (N, P, 3)."""
+def outfit_graph(network: Deepsd, metadata: NDArray[np.float32] | None = None) -> bytes:
+    """vertices, normals (N, 3), neighbors (N, K) int64 padded with N → weights (N, 24), blend_shapes (N, P, 3).
+
+    metadata  (metadata_width,) numbers that the graph shall hold for; unknown where None
+
+    Raises GarmentcError where the network is a variant that no rig can express.
+    """
     config = network.config
+    _check_is_rig(config)
     g = _Graph()
     n = g.add("Shape", [VERTICES], "vertex_count", start=0, end=1)
     real = g.add("Cast", [g.add("Less", [NEIGHBORS, n], "is_neighbor")], "is_neighbor_f", to=TensorProto.FLOAT)
@@ -80,89 +97,107 @@ def outfit_graph(network: Deepsd) -> bytes:
         padded = g.add("Concat", [x, g.constant(f"{name}.pad", np.zeros((1, width), np.float32))], f"{name}.in", axis=0)
         gathered = g.add("Gather", [padded, NEIGHBORS], f"{name}.gathered", axis=0)
         mean = g.add("Div", [g.add("ReduceSum", [gathered, axis], f"{name}.sum", keepdims=0), degree], f"{name}.mean")
-        own = g.linear(x, convolution.own, f"{name}.own")
-        around = g.linear(mean, convolution.neighbour, f"{name}.neighbour")
+        own = g.linear(x, _layer(convolution.own), f"{name}.own")
+        around = g.linear(mean, _layer(convolution.neighbour), f"{name}.neighbour")
         total = g.add("Add", [own, around], f"{name}.total")
         last = index == len(network.convolutions) - 1
         x = g.add("Relu", [total], LOCAL if last else f"features_{index + 1}")
         width = config.convolutions[index]
-    candidates = g.add("Relu", [g.linear(x, network.global_layer, "global_layer")], CANDIDATES)
+    pool = _layer(network.global_layer) if config.global_descriptor else Layer(_zeros(1, width), _zeros(1))
+    global_width = len(pool.weight)
+    candidates = g.add("Relu", [g.linear(x, pool, "global_layer")], CANDIDATES)
     pooled = g.add("ReduceMax", [candidates, g.constant("axis_0", np.array([0], np.int64))], GLOBAL, keepdims=1)
     rows = g.add("Shape", [LOCAL], "local_count", start=0, end=1)
-    shape = g.add("Concat", [rows, g.constant("global_width", np.array([config.global_width]))], "global_shape", axis=0)
+    shape = g.add("Concat", [rows, g.constant("global_width", np.array([global_width]))], "global_shape", axis=0)
     spread = g.add("Expand", [pooled, shape], "global_spread")
     descriptors = g.add("Concat", [x, spread], "descriptors", axis=1)
-    g.add("Softmax", [g.mlp(descriptors, network.weight_head, "weight_head")], WEIGHTS, axis=1)
-    data = g.mlp(descriptors, network.data_head, "data_head")
-    physics = g.mlp(descriptors, network.physics_head, "physics_head")
-    both = g.add("Add", [data, physics], "blend_shapes_flat")
-    g.add("Reshape", [both, g.constant("shape_3", np.array([-1, config.keys, 3]))], SHAPES)
+    known_metadata = _zeros(config.metadata_width) if metadata is None else metadata
+
+    def head(layers: torch.nn.Sequential, name: str) -> str:
+        return g.mlp(descriptors, _head_layers(layers, width, config.global_descriptor, known_metadata), name)
+
+    g.add("Softmax", [head(network.weight_head, "weight_head")], WEIGHTS, axis=1)
+    if config.deformation == NONE:
+        nothing = Layer(_zeros(3, width + global_width), _zeros(3))
+        shapes, keys = g.linear(descriptors, nothing, "no_shape"), 1
+    else:
+        shapes, keys = head(network.data_head, "data_head"), config.pose_code
+        if _adds_anything(network.physics_head):
+            shapes = g.add("Add", [shapes, head(network.physics_head, "physics_head")], "blend_shapes_flat")
+    g.add("Reshape", [shapes, g.constant("shape_3", np.array([-1, keys, 3]))], SHAPES)
     neighbors = helper.make_tensor_value_info(NEIGHBORS, TensorProto.INT64, ["N", "K"])
     inputs = [_floats(VERTICES, "N", 3), _floats(NORMALS, "N", 3), neighbors]
-    outputs = [_floats(WEIGHTS, "N", config.joints), _floats(SHAPES, "N", config.keys, 3)]
+    outputs = [_floats(WEIGHTS, "N", config.joints), _floats(SHAPES, "N", keys, 3)]
     known = [
         _floats(LOCAL, "N", config.convolutions[-1]),
-        _floats(CANDIDATES, "N", config.global_width),
-        _floats(GLOBAL, 1, config.global_width),
+        _floats(CANDIDATES, "N", global_width),
+        _floats(GLOBAL, 1, global_width),
     ]
     return g.model(inputs, outputs, known, "DeePSD: template outfit to blend weights and blend shapes")
 
 
-def keys_graph(network: Deepsd) -> bytes:
-    """pose (T, 24, 3) axis-angle in radians → keys (T, P), relative to the rest pose."""
-    g = _Graph()
+def _check_is_rig(config: DeepsdConfig) -> None:
+    if config.deformation == VERTICES_DIRECTLY:
+        raise GarmentcError("a network that deforms vertices directly is no rig and has no bundle; train blend shapes")
+    if config.pose_encoding != ENCODING_GRAVITY_AXIS_ANGLE:
+        raise GarmentcError(f"bundles have the pose encoding '{ENCODING_GRAVITY_AXIS_ANGLE}' only; train with that")
 
-    def scalar(name: str, value: float) -> str:
-        return g.constant(name, np.array([value], np.float32))
 
-    axis = g.constant("last_axis", np.array([-1], np.int64))
-    squared = g.add("ReduceSumSquare", ["pose", axis], "angle_squared", keepdims=1)
-    angle = g.add("Sqrt", [g.add("Max", [squared, scalar("tiny", 1e-12)], "angle_squared_floor")], "angle")
-    turns = g.add("Div", [g.add("Add", [angle, scalar("pi", np.pi)], "angle_pi"), scalar("two_pi", 2 * np.pi)], "turn")
-    turned = g.add("Mul", [g.add("Floor", [turns], "turns"), "two_pi"], "turned")
-    shorter = g.add("Sub", [scalar("one", 1.0), g.add("Div", [turned, angle], "turned_share")], "shorter")
-    pose = g.add("Mul", ["pose", shorter], "short_pose")
-    root = g.add("Slice", [pose, *(g.constant(f"root_{k}", np.array([v])) for k, v in _slice(0, 1))], "root")
-    rest = g.add("Slice", [pose, *(g.constant(f"rest_{k}", np.array([v])) for k, v in _slice(1, 24))], "others")
-    # Up seen from the pelvis, minus up: R(-r) y - y = -(sin a / a) (r x y) + ((1 - cos a) / a^2) (r x (r x y)).
-    size2 = g.add("ReduceSumSquare", [root, axis], "root_squared", keepdims=1)
-    size = g.add("Sqrt", [g.add("Max", [size2, "tiny"], "root_squared_floor")], "root_angle")
-    cross_y = g.constant("cross_y", np.array([[0, 0, 1], [0, 0, 0], [-1, 0, 0]], np.float32))  # r @ it = r x y
-    first = g.add("MatMul", [root, cross_y], "root_cross_up")
-    along = g.add("Mul", [root, g.add("Slice", [root, *_pick_y(g)], "root_y")], "root_along")
-    up = g.constant("up", np.array([0, 1, 0], np.float32))
-    second = g.add("Sub", [along, g.add("Mul", [size2, up], "root_up")], "root_cross_cross_up")  # r (r.y) - y r.r
-    sine = g.add("Div", [g.add("Sin", [size], "root_sin"), size], "sine_term")
-    floor2 = "root_squared_floor"
-    versine = g.add(
-        "Div", [g.add("Sub", ["one", g.add("Cos", [size], "root_cos")], "root_versine"), floor2], "cos_term"
+def _layer(linear: Any) -> Layer:
+    return Layer(linear.weight.detach().numpy(), None if linear.bias is None else linear.bias.detach().numpy())
+
+
+def _zeros(*shape: int) -> NDArray[np.float32]:
+    return np.zeros(shape, np.float32)
+
+
+def _head_layers(head: torch.nn.Sequential, local: int, has_global: bool, metadata: NDArray[np.float32]) -> list[Layer]:
+    """The head as a function of [local, global] descriptors: metadata go into the bias, a missing global is nought."""
+    first, *others = (_layer(layer) for layer in head if isinstance(layer, torch.nn.Linear))
+    assert first.bias is not None
+    described = first.weight.shape[1] - len(metadata)
+    weight, bias = first.weight[:, :described], first.bias + first.weight[:, described:] @ metadata
+    if not has_global:
+        weight = np.concatenate([weight[:, :local], _zeros(len(weight), 1)], axis=1)
+    return [Layer(weight, bias), *others]
+
+
+def _adds_anything(head: torch.nn.Sequential) -> bool:
+    last = head[-1]
+    assert isinstance(last, torch.nn.Linear)
+    return bool(last.weight.any() or last.bias.any())
+
+
+def key_network(network: Deepsd) -> KeyNetwork:
+    """g of the network: from pose to keys that do not vanish at rest (`rest_keys`)."""
+    config = network.config
+    if config.deformation == NONE:  # skinning only: one key that never moves
+        return KeyNetwork((_dense(np.zeros((1, config.pose_features)), np.zeros(1)),))
+    if not config.pose_embedding:
+        return KeyNetwork((_dense(np.eye(config.pose_features), np.zeros(config.pose_features)),))
+    layers = [layer for layer in network.pose_head if isinstance(layer, torch.nn.Linear)]
+    kinds = ["relu"] * (len(layers) - 1) + ["normalized_relu"]
+    return KeyNetwork(
+        tuple(
+            _dense(layer.weight.detach().numpy(), layer.bias.detach().numpy(), kind)
+            for layer, kind in zip(layers, kinds, strict=True)
+        )
     )
-    gravity = g.add(
-        "Sub",
-        [g.add("Mul", [second, versine], "gravity_2"), g.add("Mul", [first, sine], "gravity_1")],
-        "gravity",
-    )
-    joined = g.add("Concat", [gravity, rest], "encoded_3", axis=1)
-    x = g.add("Reshape", [joined, g.constant("features", np.array([-1, network.config.pose_features]))], "encoded")
-    positive = g.add("Relu", [g.mlp(x, network.pose_head, "pose_head")], "positive_keys")
-    total = g.add("ReduceSum", [positive, axis], "key_sum", keepdims=1)
-    safe = g.add("Add", [total, scalar("epsilon", NORMALIZED_RELU_EPSILON)], "key_sum_safe")
-    absolute = g.add("Div", [positive, safe], "absolute_keys")
-    g.add("Sub", [absolute, g.constant("rest_keys", rest_keys(network))], "keys")
-    inputs = [_floats("pose", "T", 24, 3)]
-    return g.model(inputs, [_floats("keys", "T", network.config.keys)], [], "DeePSD: pose to pose keys")
+
+
+def _dense(weight: NDArray[Any], bias: NDArray[Any], activation: str = "linear") -> DenseLayer:
+    return DenseLayer(weight.astype(np.float32), bias.astype(np.float32), activation)
 
 
 def rest_keys(network: Deepsd) -> NDArray[np.float32]:
     """g(rest), (P,): what is subtracted so that keys vanish at rest."""
+    if network.config.deformation == NONE:
+        return np.zeros(1, np.float32)
     with torch.no_grad():
         keys: NDArray[np.float32] = network.absolute_keys(torch.zeros(1, network.config.pose_features))[0].numpy()
     return keys
 
 
-def _slice(start: int, end: int) -> list[tuple[str, int]]:
-    return [("start", start), ("end", end), ("axis", 1)]
-
-
-def _pick_y(g: _Graph) -> list[str]:
-    return [g.constant(f"y_{k}", np.array([v])) for k, v in (("start", 1), ("end", 2), ("axis", 2))]
+def keys_graph(network: Deepsd) -> bytes:
+    """pose (T, 24, 3) axis-angle in radians → keys (T, P), relative to the rest pose."""
+    return key_graph(key_network(network), rest_keys(network))

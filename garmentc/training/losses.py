@@ -52,3 +52,11 @@ def collision_loss(vertices: Tensor, body_points: Tensor, body_normals: Tensor, 
     """
     clearance = ((vertices - body_points) * body_normals).sum(dim=-1)
     return (torch.relu(epsilon - clearance) * MM).square().mean()
+
+
+def largest(weights: Tensor, influences: int) -> Tensor:
+    """Blend weights (N, 24) with all but the largest `influences` of each row dropped and the rest rescaled."""
+    if influences >= weights.shape[1]:
+        return weights
+    kept, joints = weights.topk(influences, dim=1)
+    return torch.zeros_like(weights).scatter(1, joints, kept / kept.sum(dim=1, keepdim=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,6 +96,7 @@ def make_sample(name: str, vertices: NDArray[Any], triangles: NDArray[np.int32],
     degree = np.asarray(adjacency.sum(axis=1)).ravel()
     mean = sparse.diags(1 / np.maximum(degree, 1)) @ adjacency
     mean = mean.tocsr().astype(np.float32)
+    mean.sort_indices()
     nearest = cKDTree(body.vertices).query(vertices)[1]
     points = torch.from_numpy(np.asarray(vertices, np.float32))
     edge_tensor = torch.from_numpy(edges.astype(np.int64))
@@ -106,12 +108,16 @@ def make_sample(name: str, vertices: NDArray[Any], triangles: NDArray[np.int32],
         edges=edge_tensor,
         rest_lengths=(points[edge_tensor[:, 0]] - points[edge_tensor[:, 1]]).norm(dim=1),
         counts=torch.from_numpy(degree.astype(np.float32)),
-        mean=torch.sparse_csr_tensor(
-            torch.from_numpy(mean.indptr.astype(np.int64)),
-            torch.from_numpy(mean.indices.astype(np.int64)),
-            torch.from_numpy(mean.data),
-            size=(count, count),
-        ),
+        mean=_sparse(mean),
         prior=torch.from_numpy(body.weights[nearest].astype(np.float32)),
         body=body,
     )
+
+
+def _sparse(matrix: Any) -> Tensor:
+    """A scipy CSR matrix in torch."""
+    rows, columns = (torch.from_numpy(array.astype(np.int64)) for array in (matrix.indptr, matrix.indices))
+    values = torch.from_numpy(matrix.data)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # "in beta state"
+        return torch.sparse_csr_tensor(rows, columns, values, size=matrix.shape, check_invariants=True)

@@ -7,22 +7,45 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from garmentc.families.bundle import MANIFEST
+from garmentc.key_graph import REST_KEYS, layer_constants
+from garmentc.output import cannot_write, written_whole
 from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE
 from garmentc.smpl.default_body import DEFAULT_BODY_PATH
 from garmentc.training.deepsd_network import Deepsd
-from garmentc.training.export_deepsd import keys_graph, outfit_graph
+from garmentc.training.export_deepsd import key_network, keys_graph, outfit_graph
 
 
-def write_bundle(network: Deepsd, folder: Path, *, version: str, description: str, training: dict[str, Any]) -> None:
-    """Write outfit.onnx, keys.onnx and manifest.json. The same weights and record give the same bytes."""
-    folder.mkdir(parents=True, exist_ok=True)
+def write_bundle(
+    network: Deepsd,
+    folder: Path,
+    *,
+    version: str,
+    description: str,
+    training: dict[str, Any],
+    metadata: NDArray[np.float32] | None = None,
+) -> None:
+    """Write outfit.onnx, keys.onnx and manifest.json. The same weights and record give the same bytes.
+
+    metadata  (metadata_width,) that the bundle's outfits shall have; unknown where None
+
+    Raises GarmentcError where the network is a variant that no rig can express, or a file cannot be written.
+    """
+    graphs = {"outfit": outfit_graph(network, metadata), "keys": keys_graph(network)}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(folder, error) from error
     files = {}
-    for part, data in (("outfit", outfit_graph(network)), ("keys", keys_graph(network))):
+    for part, data in graphs.items():
         path = folder / f"{part}.onnx"
-        path.write_bytes(data)
+        with written_whole(path) as file:
+            file.write(data)
         files[part] = {"name": path.name, "sha256": hashlib.sha256(data).hexdigest()}
-    count = len(network.config.pose_head) + 1
+    layers = key_network(network).layers
     manifest = {
         "schema": 1,
         "name": "garmentc-deepsd",
@@ -34,18 +57,15 @@ def write_bundle(network: Deepsd, folder: Path, *, version: str, description: st
         "units": "metre",
         "pose_encoding": ENCODING_GRAVITY_AXIS_ANGLE,
         "joints": network.config.joints,
-        "keys": network.config.keys,
+        "keys": len(layers[-1].bias),
         "key_layers": [
-            {
-                "weight": f"pose_head.{k}.weight",
-                "bias": f"pose_head.{k}.bias",
-                "activation": "relu" if k < count - 1 else "normalized_relu",
-            }
-            for k in range(count)
+            {"weight": weight, "bias": bias, "activation": layer.activation}
+            for (weight, bias), layer in zip(map(layer_constants, range(len(layers))), layers, strict=True)
         ],
-        "rest_keys": "rest_keys",
+        "rest_keys": REST_KEYS,
         "body": {"name": "default", "sha256": hashlib.sha256(DEFAULT_BODY_PATH.read_bytes()).hexdigest()},
         "training": training,
     }
     text = json.dumps(manifest, indent=2, ensure_ascii=False) + "\n"
-    (folder / MANIFEST).write_text(text, encoding="utf-8")
+    with written_whole(folder / MANIFEST) as file:
+        file.write(text.encode())

@@ -1,0 +1,182 @@
+"""garmentc train."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from garmentc.cli.parameters import PATH
+from garmentc.cli.printing import print_warnings
+from garmentc.errors import Diagnostic, GarmentcError
+
+if TYPE_CHECKING:
+    from garmentc.training.checkpoint import Checkpoint
+    from garmentc.training.recipe import Recipe
+    from garmentc.training.train_deepsd import Trained
+    from garmentc.training.workers import Workers
+
+
+@click.group("train")
+def command() -> None:
+    """Train networks on datasets of simulated outfits, and export them as bundles."""
+
+
+@command.command("deepsd")
+@click.option("--data", type=PATH, required=True, metavar="DIR", help="Dataset, as `garmentc simulate` makes it.")
+@click.option("--config", required=True, metavar="FILE", help="Recipe (.toml), or the name of one of garmentc's own.")
+@click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder of the run: made, or resumed.")
+@click.option(
+    "--body", "bodies", type=PATH, multiple=True, metavar="FILE", help="Body model of imported data; repeatable."
+)
+@click.option("--time-limit", type=click.FloatRange(min=0), metavar="MINUTES", help="Stop cleanly, save, go on later.")
+@click.option("--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Of each process.")
+@click.option("--measure", default="test", show_default=True, metavar="SPLIT", help="Held-out outfits for the log.")
+@click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
+def deepsd(
+    data: Path,
+    config: str,
+    out: Path,
+    bodies: tuple[Path, ...],
+    time_limit: float | None,
+    threads: int,
+    measure: str,
+    quiet: bool,
+) -> None:
+    """Train DeePSD: first on the simulation, then its second branch on physics, as the recipe says.
+
+    Stopped or killed at any time, the same command goes on where it was, and ends with the same network. A finished
+    run has its model bundle in DIR/bundle.
+
+    Several processes, on one machine or many: torchrun --nproc-per-node 2 -m garmentc train deepsd ...
+    """
+    _require_torch()
+    from garmentc.training.recipe import read_recipe
+    from garmentc.training.workers import joined
+
+    recipe = read_recipe(_config_file(config))
+    with joined() as workers:
+        show = _shown(workers, quiet)
+        trained = _train(recipe, data, out, bodies, time_limit, threads, measure, workers, show)
+        if workers.leads:
+            _finish(trained, out, show)
+
+
+def _train(
+    recipe: Recipe,
+    data: Path,
+    out: Path,
+    bodies: tuple[Path, ...],
+    time_limit: float | None,
+    threads: int,
+    measure: str,
+    workers: Workers,
+    show: Callable[[str], None],
+) -> Trained:
+    import torch
+
+    from garmentc.simulation.dataset import open_dataset
+    from garmentc.training.checkpoint import DataFacts
+    from garmentc.training.simulated_outfits import read_outfits
+    from garmentc.training.train_deepsd import train
+
+    torch.set_num_threads(threads)
+    dataset = open_dataset(data)
+    if not dataset.complete and workers.leads:
+        print_warnings(
+            [Diagnostic("incomplete-dataset", "the dataset is incomplete; training on what is there", str(data))]
+        )
+    outfits = read_outfits(dataset, "train", recipe.metadata, bodies)
+    held_out = read_outfits(dataset, measure, recipe.metadata, bodies) if workers.leads else []
+    facts = DataFacts(dataset.name, dataset.sha256, len(outfits), sum(map(len, outfits)))
+    show(f"{facts.outfits} outfits in {facts.frames} frames; {len(held_out)} held out")
+    limit = None if time_limit is None else 60 * time_limit
+    with _stoppable() as must_stop:
+        return train(recipe, outfits, held_out, facts, out, workers, time_limit=limit, must_stop=must_stop, show=show)
+
+
+def _finish(trained: Trained, out: Path, show: Callable[[str], None]) -> None:
+    from garmentc.training.bundle_record import export_all
+    from garmentc.training.predict import load_run
+
+    minutes = sum(trained.progress.seconds) / 60
+    if not trained.finished:
+        show(f"stopped after {minutes:.1f} minutes of training; the same command goes on")
+        return
+    bundles = export_all(load_run(out), out)
+    where = f"bundle in {bundles[0]}" if bundles else "no rig can express this variant, so it has no bundle"
+    show(f"finished after {minutes:.1f} minutes of training; {where}")
+
+
+@command.command("export")
+@click.argument("run", type=PATH, metavar="DIR")
+@click.option("-o", "--output", type=PATH, required=True, metavar="BUNDLE", help="Folder of the bundle.")
+@click.option("--fabric", metavar="NAME", help="Fabric that the bundle is for, where the network was told fabrics.")
+@click.option("--version", "version", metavar="TEXT", help="Version of the bundle instead of garmentc's.")
+def export(run: Path, output: Path, fabric: str | None, version: str | None) -> None:
+    """Write the model bundle of the training run in DIR, finished or not."""
+    _require_torch()
+    from garmentc import __version__
+    from garmentc.training.bundle_record import export_run
+    from garmentc.training.predict import load_run
+
+    checkpoint = load_run(run)
+    _check_fabric(checkpoint, fabric)
+    export_run(checkpoint, output, version=version or __version__, fabric=fabric)
+
+
+def _check_fabric(checkpoint: Checkpoint, fabric: str | None) -> None:
+    from garmentc.simulation.presets import FABRICS
+
+    if fabric is None:
+        return
+    if "fabric" not in checkpoint.recipe.metadata:
+        raise GarmentcError("this network was not told fabrics; leave --fabric out")
+    if fabric not in FABRICS:
+        raise GarmentcError(f"unknown fabric '{fabric}'; the fabrics are {', '.join(FABRICS)}")
+
+
+def _require_torch() -> None:
+    if find_spec("torch") is None:
+        raise GarmentcError("training needs PyTorch; install it with: pip install 'garmentc[train]'")
+
+
+def _config_file(config: str) -> Path:
+    from garmentc.training.recipe import CONFIGS
+
+    own = CONFIGS / f"{config}.toml"
+    return own if own.exists() and not Path(config).is_file() else Path(config)
+
+
+def _shown(workers: Workers, quiet: bool) -> Callable[[str], None]:
+    def show(line: str) -> None:
+        if workers.leads and not quiet:
+            click.echo(line)
+
+    return show
+
+
+@contextmanager
+def _stoppable() -> Iterator[Callable[[], bool]]:
+    """Within, the first Ctrl-C or polite kill is a wish to stop after the step; the second stops at once."""
+    wishes: list[int] = []
+    former: dict[int, Any] = {}
+
+    def wish(number: int, frame: FrameType | None) -> None:
+        wishes.append(number)
+        signal.signal(number, former[number])
+
+    for number in (int(signal.SIGINT), int(signal.SIGTERM)):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            former[number] = signal.signal(number, wish)
+    try:
+        yield lambda: bool(wishes)
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)

@@ -1,0 +1,82 @@
+"""Stage A: Φ, Ω, Ψ and the pose MLP learn the simulated vertices (Bertiche et al. 2021, section 4.3 and 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from garmentc.training.batch_plan import Batch, BatchPlan
+from garmentc.training.deepsd_network import Deepsd
+from garmentc.training.losses import MM, largest, skin
+from garmentc.training.mirroring import mirrored_poses, mirrored_sample, mirrored_transforms, mirrored_vertices
+from garmentc.training.pose_encodings import POSE_ENCODINGS
+from garmentc.training.recipe import Optimisation, Recipe
+from garmentc.training.simulated_outfits import SimulatedOutfit
+
+NAME = "data"
+
+
+@dataclass(frozen=True)
+class DataLearning:
+    """A `garmentc.training.stage.Stage`."""
+
+    network: Deepsd
+    recipe: Recipe
+    outfits: tuple[SimulatedOutfit, ...]
+    name: str = NAME
+
+    @property
+    def plan(self) -> BatchPlan:
+        settings = self.recipe.data
+        counts = tuple(len(outfit) for outfit in self.outfits)
+        return BatchPlan(counts, settings.poses, settings.steps, settings.outfits_per_step, (self.recipe.seed, 0))
+
+    @property
+    def optimisation(self) -> Optimisation:
+        return self.recipe.data
+
+    def parameters(self) -> Iterable[nn.Parameter]:
+        """All but χ."""
+        return (parameter for name, parameter in self.network.named_parameters() if not name.startswith("physics_head"))
+
+    def losses(self, batch: Batch, done: float) -> tuple[Tensor, dict[str, Tensor]]:
+        """What to minimise, and its terms."""
+        settings, network = self.recipe.data, self.network
+        rng = np.random.default_rng(batch.seed)
+        outfit = self.outfits[batch.outfit]
+        sample, poses = outfit.sample, outfit.poses[batch.poses]
+        rows = None
+        if 0 < settings.vertices < len(sample.vertices):
+            rows = np.sort(rng.choice(len(sample.vertices), settings.vertices, replace=False))
+        targets = outfit.targets(batch.poses, rows)
+        transforms = outfit.transforms[batch.poses]
+        if rng.random() < 0.5 * self.recipe.mirror:
+            sample, poses, targets = mirrored_sample(sample), mirrored_poses(poses), mirrored_vertices(targets)
+            transforms = mirrored_transforms(transforms)
+        withheld = rng.random() < settings.metadata_dropout
+        metadata = None if withheld else torch.from_numpy(outfit.metadata)
+        influences = int(rng.choice(settings.influences))
+
+        chosen = torch.arange(len(sample.vertices)) if rows is None else torch.from_numpy(rows)
+        descriptors = network.descriptors(sample.vertices, sample.normals, sample.mean, metadata, chosen)
+        weights = network.blend_weights(descriptors)
+        features = POSE_ENCODINGS[network.config.pose_encoding].encode(poses).astype(np.float32)
+        deformations = network.deformations(descriptors, torch.from_numpy(features), physics=False)
+        posed = skin(sample.vertices[chosen] + deformations, largest(weights, influences), torch.from_numpy(transforms))
+        distance = (posed - torch.from_numpy(targets)) * MM
+        terms = {
+            "distance": (distance.square().sum(dim=-1) + 1e-6).sqrt().mean(),
+            "squared": distance.square().sum(dim=-1).mean(),
+            "weights": (weights - sample.prior[chosen]).square().sum(dim=1).mean(),
+            "deformation": (deformations * MM).square().sum(dim=-1).mean(),
+        }
+        total = terms[settings.loss]
+        if done < settings.prior_share:
+            fading = 0.1 ** (done / settings.prior_share)
+            priors = settings.weight_prior * terms["weights"] + settings.deformation_prior * terms["deformation"]
+            total = total + fading * priors
+        return total, terms

@@ -1,0 +1,79 @@
+"""What a network in torch makes of an outfit: for measuring during training, and for variants that have no bundle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from garmentc.errors import GarmentcError
+from garmentc.training.checkpoint import CHECKPOINT, Checkpoint, read_checkpoint
+from garmentc.training.deepsd_network import Deepsd
+from garmentc.training.losses import MM, largest, skin
+from garmentc.training.outfit_sample import OutfitSample
+from garmentc.training.pose_encodings import POSE_ENCODINGS
+from garmentc.training.simulated_outfits import SimulatedOutfit
+
+_TOGETHER = 16
+"""Poses at a time: this bounds memory."""
+
+
+def load_run(folder: Path) -> Checkpoint:
+    """The checkpoint of a run. Raises GarmentcError where there is none."""
+    checkpoint = read_checkpoint(folder)
+    if checkpoint is None:
+        raise GarmentcError(f"is no training run: it has no {CHECKPOINT}", folder)
+    return checkpoint
+
+
+def posed_by_network(
+    network: Deepsd,
+    sample: OutfitSample,
+    poses: NDArray[Any],
+    *,
+    metadata: NDArray[np.float32] | None = None,
+    influences: int = 4,
+    physics: bool = True,
+) -> NDArray[np.float32]:
+    """Posed vertices (T, N, 3) in metres, without translation, of an outfit in poses (T, 24, 3), by any variant.
+
+    metadata    (metadata_width,); unknown where None
+    influences  the largest so many weights of each vertex skin it
+    physics     with χ
+    """
+    parts = []
+    with torch.no_grad():
+        descriptors = network.descriptors(
+            sample.vertices,
+            sample.normals,
+            sample.mean,
+            None if metadata is None else torch.from_numpy(metadata),
+        )
+        weights = largest(network.blend_weights(descriptors), influences)
+        for start in range(0, len(poses), _TOGETHER):
+            some = poses[start : start + _TOGETHER]
+            features = POSE_ENCODINGS[network.config.pose_encoding].encode(some).astype(np.float32)
+            deformations = network.deformations(descriptors, torch.from_numpy(features), physics=physics)
+            transforms = torch.from_numpy(np.ascontiguousarray(sample.body.transforms(some)[:, :, :3]))
+            parts.append(skin(sample.vertices + deformations, weights, transforms).numpy())
+    return np.concatenate(parts)
+
+
+def errors_mm(network: Deepsd, outfit: SimulatedOutfit, *, every: int = 1, physics: bool = True) -> NDArray[np.float64]:
+    """Mean vertex distance to the simulation in each `every`-th frame, mm."""
+    chosen = np.arange(0, len(outfit), every)
+    found = posed_by_network(network, outfit.sample, outfit.poses[chosen], metadata=outfit.metadata, physics=physics)
+    distance = np.linalg.norm(found.astype(np.float64) - outfit.targets(chosen), axis=-1)
+    errors: NDArray[np.float64] = MM * distance.mean(axis=1)
+    return errors
+
+
+def mean_error_mm(
+    network: Deepsd, outfits: Sequence[SimulatedOutfit], *, every: int = 1, physics: bool = True
+) -> float:
+    """The error of each outfit, averaged over outfits."""
+    return float(np.mean([errors_mm(network, outfit, every=every, physics=physics).mean() for outfit in outfits]))
