@@ -17,6 +17,7 @@ Unwrap = Literal["auto", "never", "always"]
 Axis = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
 MotionUp = Literal["auto", "y", "z"]
 ProfileName = Literal["mobile", "web", "desktop", "reference"]
+SkeletonName = Literal["smpl", "vrm", "mixamo", "unreal"]
 
 _CHOICES = {
     "gender": get_args(Gender),
@@ -27,6 +28,7 @@ _CHOICES = {
     "pose": get_args(RestPose),
     "profile": get_args(ProfileName),
     "sparse": (*get_args(Sparse), None),
+    "skeleton": get_args(SkeletonName),
     "unwrap": get_args(Unwrap),
     "family": get_args(Family),
     "influences": (4, 8, None),
@@ -76,6 +78,7 @@ class CompileOptions:
     unwrap                   make texture coordinates where there are none
     allow_external_textures  read textures outside the OBJ's folder
     pose_keys                write the pose-key network into the glb
+    skeleton                 whose names the joints have; all but "smpl" also stand on the ground
     with_body                write the body beside the outfit, as a second mesh on the same skeleton
     keys_onnx                also write the pose-key network as an ONNX file
     bundle                   folder of a model bundle; None is the one that ships with the package
@@ -102,6 +105,7 @@ class CompileOptions:
     unwrap: Unwrap = "auto"
     allow_external_textures: bool = False
     pose_keys: bool = True
+    skeleton: SkeletonName = "smpl"
     with_body: bool = False
     keys_onnx: Path | None = None
     bundle: Path | None = None

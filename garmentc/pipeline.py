@@ -19,6 +19,7 @@ from garmentc.families.bundle import Bundle, load_bundle
 from garmentc.gltf.asset import Asset, Clip, GltfOptions, RiggedMesh
 from garmentc.gltf.body_mesh import body_mesh
 from garmentc.gltf.names import unique_names
+from garmentc.gltf.skeletons import SKELETONS
 from garmentc.gltf.write import WrittenGlb, write_glb
 from garmentc.key_graph import write_key_graph
 from garmentc.options import CompileOptions
@@ -269,6 +270,7 @@ def emit(layers: Sequence[Layer], options: CompileOptions, output: Path) -> Writ
             quantize=settings.quantize,
             sparse=settings.sparse == "auto",
             pose_keys=options.pose_keys,
+            skeleton=SKELETONS[options.skeleton],
         ),
         extras={
             "body": alignment.body.name,
@@ -279,6 +281,7 @@ def emit(layers: Sequence[Layer], options: CompileOptions, output: Path) -> Writ
             **{f"fps:{motion.name}": float(motion.fps) for motion in motions},
         },
         also=meshes[1:],
+        ground=min(float(alignment.body.shaped(alignment.betas)[:, 1].min()), *(_lowest(mesh.rig) for mesh in meshes)),
     )
     written = write_glb(asset, output)
     if options.keys_onnx is not None and first.rig.keys is not None:
@@ -286,10 +289,14 @@ def emit(layers: Sequence[Layer], options: CompileOptions, output: Path) -> Writ
     return written
 
 
+def _lowest(rig: Rig) -> float:
+    return float(rig.template[:, 1].min())
+
+
 def _meshes(layers: Sequence[Layer], options: CompileOptions) -> tuple[RiggedMesh, ...]:
     """The outfits and, where asked for, the body, under different names."""
     wanted = [options.name or layer.source.outfit.path.stem for layer in layers]
-    *names, body_name = unique_names([*wanted, "body"])
+    *names, body_name = unique_names([*wanted, "body"], SKELETONS[options.skeleton].joints)
     meshes = [
         RiggedMesh(name, layer.rig, layer.dressed.corners.primitives, layer.dressed.outfit.materials)
         for name, layer in zip(names, layers, strict=True)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from garmentc.errors import GarmentcError
 from garmentc.gltf.evaluate import world_mesh
 from garmentc.gltf.glb_asset import GlbAsset
-from garmentc.gltf.posing import state_at_pose
+from garmentc.gltf.posing import placement, state_at_pose
 from garmentc.gltf.read import read_glb
-from garmentc.gltf.state import rest_state
+from garmentc.gltf.state import State, rest_state
 from garmentc.rig import Rig
 
 
@@ -53,16 +53,18 @@ class RigOutfit:
 class GlbOutfit:
     """The outfits of a .glb together, morphed by their own pose-key networks and skinned from their own attributes.
 
-    corner  (N,) the first written vertex of each place: seams split vertices, and a seam must not count twice
+    corner   (N,) the first written vertex of each place: seams split vertices, and a seam must not count twice
+    to_body  (4, 4) from the scene to the body's axes and origin
     """
 
     asset: GlbAsset
     rest: NDArray[np.float64]
     triangles: NDArray[np.int32]
     corner: NDArray[np.intp]
+    to_body: NDArray[Any]
 
     def posed(self, pose: NDArray[Any]) -> NDArray[np.float64]:
-        return world_mesh(self.asset, state_at_pose(self.asset, pose), self.asset.outfit_nodes)[0][self.corner]
+        return _outfit_mesh(self.asset, state_at_pose(self.asset, pose), self.to_body)[0][self.corner]
 
 
 def read_outfit(path: Path) -> GlbOutfit:
@@ -72,7 +74,8 @@ def read_outfit(path: Path) -> GlbOutfit:
     Raises GarmentcError where the file cannot be read or shows nothing.
     """
     asset = read_glb(path)
-    rest, triangles = world_mesh(asset, rest_state(asset), asset.outfit_nodes)
+    to_body = np.linalg.inv(placement(asset))
+    rest, triangles = _outfit_mesh(asset, rest_state(asset), to_body)
     if not len(triangles):
         raise GarmentcError("has no triangles; there is nothing to evaluate", path)
     # To float32: the way through the skin rounds float64 differently where a seam lists the joints in another order.
@@ -80,7 +83,13 @@ def read_outfit(path: Path) -> GlbOutfit:
     _, corner, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
     welded = place.reshape(-1)[triangles].astype(np.int32)
     proper = (welded != np.roll(welded, 1, axis=1)).all(axis=1)
-    return GlbOutfit(asset, rest[corner], welded[proper], corner)
+    return GlbOutfit(asset, rest[corner], welded[proper], corner, to_body)
+
+
+def _outfit_mesh(asset: GlbAsset, state: State, to_body: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Written vertices (S, 3) of all outfits in the body's axes, and their triangles (F, 3)."""
+    positions, triangles = world_mesh(asset, state, asset.outfit_nodes)
+    return positions @ to_body[:3, :3].T + to_body[:3, 3], triangles
 
 
 def _mesh_numbers(asset: GlbAsset) -> NDArray[np.float32]:

@@ -8,6 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 import garmentc
+from garmentc.gltf.skeletons import SMPL, Skeleton
 from garmentc.outfit.corners import CornerPrimitive
 from garmentc.outfit.outfit import Material
 from garmentc.rig import Rig
@@ -22,6 +23,7 @@ class GltfOptions:
     quantize         KHR_mesh_quantization: int16 positions, int8 normals, uint16 weights and texture coordinates
     sparse           write a blend shape as a sparse accessor where that is smaller
     pose_keys        write the pose-key network, as extension and in the extras of the mesh node
+    skeleton         names of the joints
     key_tolerance    metres that leaving out the keyframes of one animation channel may move a vertex; 0 keeps all
     """
 
@@ -29,6 +31,7 @@ class GltfOptions:
     quantize: bool = False
     sparse: bool = True
     pose_keys: bool = True
+    skeleton: Skeleton = SMPL
     key_tolerance: float = 1e-4
 
     def __post_init__(self) -> None:
@@ -84,6 +87,7 @@ class Asset:
     morph_names  one for each blend shape; None numbers them
     extras       plain JSON for `asset.extras`
     also         further meshes with the same joints; all names differ
+    ground       height of the lowest vertex at rest, metres: what a skeleton that stands on the ground is raised by
     """
 
     name: str
@@ -96,6 +100,7 @@ class Asset:
     generator: str = f"garmentc {garmentc.__version__}"
     extras: dict[str, Any] = field(default_factory=dict)
     also: tuple[RiggedMesh, ...] = ()
+    ground: float = 0.0
 
     @property
     def meshes(self) -> tuple[RiggedMesh, ...]:

@@ -37,11 +37,13 @@ def add_extension(writer: AccessorWriter, keys: KeyNetwork, joints: list[int]) -
     return {"version": VERSION, "encoding": keys.encoding, "joints": joints, "layers": layers}
 
 
-def extras_string(keys: KeyNetwork) -> str:
+def extras_string(keys: KeyNetwork, names: tuple[str, ...] = JOINT_NAMES) -> str:
     """The network as one JSON string, for the extras of the mesh's node.
 
     A string, because exporters crash on lists and objects in node extras; joints go by name, because tools that keep
     extras renumber nodes.
+
+    names  of the 24 joints' nodes, in the order of the encoding
     """
     layers = [
         {
@@ -53,7 +55,7 @@ def extras_string(keys: KeyNetwork) -> str:
         }
         for layer in keys.layers
     ]
-    content = {"version": VERSION, "encoding": keys.encoding, "joints": list(JOINT_NAMES), "layers": layers}
+    content = {"version": VERSION, "encoding": keys.encoding, "joints": list(names), "layers": layers}
     return json.dumps(content, separators=(",", ":"))
 
 

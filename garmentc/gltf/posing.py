@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from garmentc.errors import GarmentcError
 from garmentc.gltf.glb_asset import GlbAsset, PoseKeyNetwork
 from garmentc.gltf.sampling import sample
+from garmentc.gltf.skeletons import SKELETONS, skeleton_of
 from garmentc.gltf.state import State, rest_state, world_matrices
 from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE, NORMALIZED_RELU_EPSILON
 from garmentc.smpl.rotations import axis_angle_to_quaternion, quaternion_to_axis_angle
@@ -66,14 +67,25 @@ def state_at_pose(
 
 
 def smpl_joints(asset: GlbAsset) -> list[int]:
-    """Nodes of the 24 SMPL joints, found by their names."""
+    """Nodes of the 24 SMPL joints, found by their names in any of SKELETONS.
+
+    Raises GarmentcError where the file has no such joints.
+    """
     by_name = {node.name: index for index, node in enumerate(asset.nodes)}
-    missing = [name for name in JOINT_NAMES if name not in by_name]
-    if missing:
-        raise GarmentcError(
-            f"has no joint named {missing[0]}; only files with the SMPL joints can be posed", asset.path
-        )
-    return [by_name[name] for name in JOINT_NAMES]
+    for skin in asset.skins:
+        if skeleton_of(tuple(asset.nodes[joint].name for joint in skin.joints)):
+            return list(skin.joints)
+    for skeleton in SKELETONS.values():
+        if all(name in by_name for name in skeleton.joints):
+            return [by_name[name] for name in skeleton.joints]
+    missing = next(name for name in JOINT_NAMES if name not in by_name)
+    raise GarmentcError(f"has no joint named {missing}; only files with the SMPL joints can be posed", asset.path)
+
+
+def placement(asset: GlbAsset) -> NDArray[np.float64]:
+    """(4, 4): what places the whole figure, from the body's axes and origin to the scene: the node above the pelvis."""
+    above = asset.nodes[smpl_joints(asset)[0]].parent
+    return np.eye(4) if above is None else world_matrices(asset, rest_state(asset))[above]
 
 
 def pose_key_network(asset: GlbAsset, mesh_node: int) -> PoseKeyNetwork | None:

@@ -68,6 +68,7 @@ def _read_nodes(root: Cursor, meshes: tuple[Mesh, ...], skins: tuple[Skin, ...])
     for entry, name, parent in zip(entries, names, parents, strict=True):
         mesh = entry.get("mesh").index(len(meshes)) if entry.get("mesh").given else None
         weights, matrix = entry.get("weights"), entry.get("matrix")
+        skin = entry.get("skin").index(len(skins)) if entry.get("skin").given else None
         node = Node(
             name=name,
             parent=parent,
@@ -76,9 +77,9 @@ def _read_nodes(root: Cursor, meshes: tuple[Mesh, ...], skins: tuple[Skin, ...])
             scale=entry.get("scale").numbers(3, (1, 1, 1)),
             matrix=np.array(matrix.numbers(16)).reshape(4, 4).T if matrix.given else None,
             mesh=mesh,
-            skin=entry.get("skin").index(len(skins)) if entry.get("skin").given else None,
+            skin=skin,
             weights=weights.numbers(0 if mesh is None else meshes[mesh].morph_count) if weights.given else None,
-            pose_keys=network_in_extras(entry.get("extras"), names),
+            pose_keys=network_in_extras(entry.get("extras"), names, () if skin is None else skins[skin].joints),
             is_body=isinstance(entry.get("extras").value, dict) and entry.get("extras").get(ROLE).value == BODY,
         )
         if node.mesh is not None and node.skin is not None:

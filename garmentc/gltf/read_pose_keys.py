@@ -36,8 +36,13 @@ def network_in_extension(mesh: Cursor, reader: AccessorReader, node_count: int) 
     return _network(entry, joints, numbers)
 
 
-def network_in_extras(extras: Cursor, node_names: tuple[str, ...]) -> PoseKeyNetwork | None:
-    """The network in a node's extras; None where there is none. Its joints are found by name."""
+def network_in_extras(
+    extras: Cursor, node_names: tuple[str, ...], skin_joints: tuple[int, ...] = ()
+) -> PoseKeyNetwork | None:
+    """The network in a node's extras; None where there is none.
+
+    Its joints are found by name, or, where a tool has renamed them, as those of the node's skin in their order.
+    """
     if not isinstance(extras.value, dict) or not extras.get(EXTENSION).given:
         return None
     where = extras.get(EXTENSION)
@@ -48,7 +53,10 @@ def network_in_extras(extras: Cursor, node_names: tuple[str, ...]) -> PoseKeyNet
     by_name = {name: index for index, name in enumerate(node_names)}
     names = [joint.text() for joint in entry.get("joints")]
     missing = [name for name in names if name not in by_name]
-    if missing:
+    joints = tuple(by_name.get(name, -1) for name in names)
+    if missing and len(skin_joints) == len(names):
+        joints = skin_joints
+    elif missing:
         raise where.error(f"names the joint {missing[0]}, which is no node of the file", "keep the nodes' names")
 
     def numbers(layer: Cursor, name: str) -> NDArray[np.float32]:
@@ -58,7 +66,7 @@ def network_in_extras(extras: Cursor, node_names: tuple[str, ...]) -> PoseKeyNet
         except (ValueError, binascii.Error) as error:
             raise layer.get(name).error("is no base64 of 32-bit floats") from error
 
-    return _network(entry, tuple(by_name[name] for name in names), numbers)
+    return _network(entry, joints, numbers)
 
 
 def _network(

@@ -22,7 +22,7 @@ def on_grid(joints: NDArray[Any]) -> NDArray[np.float64]:
     return np.round(joints.astype(np.float64) / JOINT_GRID) * JOINT_GRID
 
 
-def add_joints(document: Any, joints: NDArray[Any]) -> list[int]:
+def add_joints(document: Any, joints: NDArray[Any], names: tuple[str, ...] = JOINT_NAMES) -> list[int]:
     """Add 24 nodes with the rest offsets between `joints` (24, 3), and identity rotations; returns their indices."""
     from pygltflib import Node
 
@@ -31,11 +31,13 @@ def add_joints(document: Any, joints: NDArray[Any]) -> list[int]:
     for joint, parent in enumerate(PARENTS):
         offset = placed[joint] - placed[parent] if parent >= 0 else placed[joint]
         children = [first + int(child) for child in np.flatnonzero(joint == PARENTS)]
-        document.nodes.append(Node(name=JOINT_NAMES[joint], translation=offset.tolist(), children=children))
+        document.nodes.append(Node(name=names[joint], translation=offset.tolist(), children=children))
     return list(range(first, first + JOINT_COUNT))
 
 
-def add_skin(writer: AccessorWriter, nodes: list[int], joints: NDArray[Any], dequantize: NDArray[Any]) -> int:
+def add_skin(
+    writer: AccessorWriter, nodes: list[int], joints: NDArray[Any], dequantize: NDArray[Any], name: str = "smpl"
+) -> int:
     """Add a skin over `nodes`; returns its index.
 
     dequantize  (4, 4) takes written positions to metres: it is folded into the inverse bind matrices
@@ -46,7 +48,7 @@ def add_skin(writer: AccessorWriter, nodes: list[int], joints: NDArray[Any], deq
     inverse_bind[:, :3, 3] = -on_grid(joints)
     column_major = (inverse_bind @ dequantize).transpose(0, 2, 1).reshape(JOINT_COUNT, 16)
     matrices = writer.plain(column_major.astype(np.float32), label="the inverse bind matrices")
-    writer.document.skins.append(Skin(name="smpl", joints=nodes, inverseBindMatrices=matrices, skeleton=nodes[0]))
+    writer.document.skins.append(Skin(name=name, joints=nodes, inverseBindMatrices=matrices, skeleton=nodes[0]))
     return len(writer.document.skins) - 1
 
 

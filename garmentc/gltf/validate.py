@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from operator import eq
 
 import numpy as np
 
 from garmentc.gltf.bind import rest_joint_matrices
 from garmentc.gltf.finding import Finding, error, warning
 from garmentc.gltf.glb_asset import GlbAsset
+from garmentc.gltf.skeletons import SKELETONS, skeleton_of
 from garmentc.gltf.validate_animation import animation_findings
 from garmentc.gltf.validate_mesh import mesh_findings
 from garmentc.gltf.validate_pose_keys import pose_key_findings
@@ -50,11 +52,9 @@ def _skins(asset: GlbAsset) -> Iterator[Finding]:
         names = tuple(asset.nodes[joint].name for joint in skin.joints)
         if len(names) != len(JOINT_NAMES):
             yield error("joint-count", where, f"the skin has {len(names)} joints where SMPL has {len(JOINT_NAMES)}")
-        elif names != JOINT_NAMES:
-            wrong = next(k for k, name in enumerate(JOINT_NAMES) if names[k] != name)
-            yield error(
-                "joint-names", where, f"joint {wrong} is {names[wrong]!r} where SMPL has {JOINT_NAMES[wrong]!r}"
-            )
+        elif skeleton_of(names) is None:
+            wrong, expected = _first_wrong(names)
+            yield error("joint-names", where, f"joint {wrong} is {names[wrong]!r} where {expected} is expected")
         else:
             yield from _hierarchy(asset, skin.joints, where)
     for index in asset.mesh_nodes:
@@ -74,8 +74,16 @@ def _skins(asset: GlbAsset) -> Iterator[Finding]:
             yield error("bind-pose", where, "the inverse bind matrices turn or stretch the mesh at rest")
 
 
+def _first_wrong(names: tuple[str, ...]) -> tuple[int, str]:
+    """The first joint whose name is not that of the skeleton which most names are of, and what it should be."""
+    closest = max(SKELETONS.values(), key=lambda skeleton: sum(map(eq, names, skeleton.joints)))
+    wrong = next(k for k, name in enumerate(closest.joints) if names[k] != name)
+    return wrong, repr(closest.joints[wrong])
+
+
 def _hierarchy(asset: GlbAsset, joints: tuple[int, ...], where: str) -> Iterator[Finding]:
     for joint, parent in enumerate(PARENTS):
         if parent >= 0 and asset.nodes[joints[joint]].parent != joints[parent]:
-            message = f"{JOINT_NAMES[joint]!r} does not hang on {JOINT_NAMES[parent]!r}, as in SMPL"
+            names = asset.nodes[joints[joint]].name, asset.nodes[joints[parent]].name
+            message = f"{names[0]!r} does not hang on {names[1]!r}, as in SMPL"
             yield error("joint-hierarchy", where, message)

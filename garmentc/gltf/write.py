@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from garmentc.errors import Diagnostic
-from garmentc.gltf import pose_keys
+from garmentc.gltf import pose_keys, vrm
 from garmentc.gltf.accessors import AccessorWriter
 from garmentc.gltf.animation import add_animation
 from garmentc.gltf.asset import Asset, Clip, RiggedMesh
@@ -17,7 +19,8 @@ from garmentc.gltf.materials import MaterialWriter
 from garmentc.gltf.positions import position_codec
 from garmentc.gltf.primitives import add_mesh
 from garmentc.gltf.role import BODY, ROLE
-from garmentc.gltf.skin import add_joints, add_skin, left_out_share, on_grid
+from garmentc.gltf.skeletons import VRM
+from garmentc.gltf.skin import JOINT_GRID, add_joints, add_skin, left_out_share, on_grid
 from garmentc.gltf.track_error import keyframe_error
 from garmentc.gltf.tracks import Track, clip_tracks
 
@@ -63,14 +66,21 @@ def write_glb(asset: Asset, path: str | os.PathLike[str]) -> WrittenGlb:
 
 
 def _warnings(asset: Asset) -> tuple[Diagnostic, ...]:
+    warnings = []
     left_out = max(left_out_share(rig.weights, asset.options.influences) for rig in asset.rigs)
-    if left_out < 1e-6:
-        return ()
-    message = (
-        f"some vertices are pulled by more than {asset.options.influences} joints; "
-        f"up to {left_out:.1%} of a vertex's weight was left out"
-    )
-    return (Diagnostic("influences-left-out", message),)
+    if left_out >= 1e-6:
+        message = (
+            f"some vertices are pulled by more than {asset.options.influences} joints; "
+            f"up to {left_out:.1%} of a vertex's weight was left out"
+        )
+        warnings.append(Diagnostic("influences-left-out", message))
+    if asset.options.skeleton is VRM:
+        message = f"the file says it is by '{vrm.AUTHOR}' and grants nothing beyond VRM's licence; edit VRMC_vrm.meta"
+        warnings.append(Diagnostic("vrm-meta", message))
+        if asset.options.quantize:
+            message = "UniVRM does not read these quantized vertices; compile with --no-quantize for it"
+            warnings.append(Diagnostic("vrm-quantized", message))
+    return tuple(warnings)
 
 
 def _fill(
@@ -83,12 +93,16 @@ def _fill(
     from pygltflib import Node, Scene
 
     document.asset = GltfAsset(generator=asset.generator, extras=dict(asset.extras))
-    joints = add_joints(document, asset.rig.joints)
-    armature = _add_node(document, Node(name=f"{asset.name}_armature", children=[joints[0]]))
+    skeleton = asset.options.skeleton
+    joints = add_joints(document, asset.rig.joints, skeleton.joints)
+    above = Node(name=skeleton.root or f"{asset.name}_armature", children=[joints[0]])
+    if skeleton.grounded:
+        above.translation = [0.0, -float(np.floor(asset.ground / JOINT_GRID) * JOINT_GRID), 0.0]
+    armature = _add_node(document, above)
     codec = position_codec(*asset.rigs, quantize=asset.options.quantize)
     materials = MaterialWriter(writer)
     meshes = [add_mesh(writer, shown, asset.options, codec, _add_materials(materials, shown)) for shown in asset.meshes]
-    skin = add_skin(writer, joints, asset.rig.joints, codec.matrix)
+    skin = add_skin(writer, joints, asset.rig.joints, codec.matrix, skeleton.name)
     mesh_nodes = [
         _add_node(document, Node(name=shown.name, mesh=mesh, skin=skin, extras=_role(shown)))
         for shown, mesh in zip(asset.meshes, meshes, strict=True)
@@ -101,11 +115,16 @@ def _fill(
         if asset.options.pose_keys and shown.rig.keys is not None:
             extension = pose_keys.add_extension(writer, shown.rig.keys, joints)
             document.meshes[mesh].extensions = {pose_keys.EXTENSION: extension}
-            document.nodes[mesh_node].extras[pose_keys.EXTENSION] = pose_keys.extras_string(shown.rig.keys)
+            document.nodes[mesh_node].extras[pose_keys.EXTENSION] = pose_keys.extras_string(
+                shown.rig.keys, skeleton.joints
+            )
             extensions.add(pose_keys.EXTENSION)
     if asset.options.quantize:
         extensions.add(QUANTIZATION)
         document.extensionsRequired = [QUANTIZATION]
+    if skeleton is VRM:
+        document.extensions = {vrm.EXTENSION: vrm.vrm_extension(asset.name, joints)}
+        extensions.add(vrm.EXTENSION)
     document.extensionsUsed = sorted(extensions)
 
     for clip, tracks in clips:
