@@ -123,6 +123,21 @@ def test_a_compiled_outfit_at_rest_is_the_template(sequence: Sequence, profile: 
     assert np.linalg.norm(rows[0](pose) - (sequence.vertices[5] - sequence.trans[5]), axis=1).max() < 0.05
 
 
+def test_an_outfit_is_compiled_once_for_all_sequences_that_share_it(sequence: Sequence) -> None:
+    compiled = []
+
+    class Counted(Method):
+        def posed_template(self, sequence: Sequence, body: BodyModel, body_file: Path | None) -> PosedTemplate:
+            compiled.append(sequence.facts.name)
+            return super().posed_template(sequence, body, body_file)
+
+    named = [replace(sequence, facts=replace(sequence.facts, name=name)) for name in ("a", "b", "c")]
+    named[2] = replace(named[2], betas=named[2].betas + np.float32(0.5))
+    result = score_outfit(named, [Counted("nearest")], frames=1)
+    assert compiled == ["a", "c"], "another body is another fitting"
+    assert [name for name, _ in result.frames] == ["a", "b", "c"]
+
+
 def test_vertices_of_no_face_do_not_count(sequence: Sequence) -> None:
     stray = np.full((len(sequence), 1, 3), 1.5, np.float32)
     more = replace(
@@ -263,30 +278,41 @@ def run(capsys: pytest.CaptureFixture[str]) -> CommandLine:
     return CommandLine(capsys)
 
 
+@pytest.fixture
+def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("garmentc.evaluation.evaluation_picture.CELL", (60, 80))
+
+
+@pytest.mark.usefixtures("_small_pictures")
 def test_the_command_measures_a_bundle(run: CommandLine, dataset: Dataset, tmp_path: Path) -> None:
-    common = ("evaluate", DEFAULT_BUNDLE, "--data", dataset.folder, "--split", "test_motions", "--frames", "2")
     files = {"-o": tmp_path / "r.json", "--markdown": tmp_path / "r.md", "--picture": tmp_path / "r.png"}
     written = [part for pair in files.items() for part in pair]
-    result = run(*common, "--outfits", "2", "--profile", "web", *written)
+    data = ("--data", dataset.folder, "--split", "test_motions", "--frames", "2", "--outfits", "1")
+    result = run("evaluate", DEFAULT_BUNDLE, *data, "--profile", "web", *written)
     assert result.code == 0, result.err
     document = json.loads(files["-o"].read_text())
     check_schema(document, "evaluation")
     assert [method["name"] for method in document["methods"]] == ["nearest", "garmentc-deepsd 0.1.0, web"]
     assert {row["method"] for row in document["overall"]} == {"simulation", "nearest", "garmentc-deepsd 0.1.0, web"}
-    assert document["overall"][0]["frames"] == 4
+    assert document["overall"][0]["frames"] == 2
     assert files["--markdown"].read_text() == result.out
     assert [sample["place"] for sample in document["samples"]] == ["best", "median", "worst"]
-    before = {path: path.read_bytes() for path in files.values()}
-    assert run(*common, "--outfits", "2", "--profile", "web", *written) == result
-    assert {path: path.read_bytes() for path in files.values()} == before, "twice the same bytes"
+    assert files["--picture"].read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_word_nearest_measures_skinning_alone(run: CommandLine, dataset: Dataset) -> None:
-    document = json.loads(run("evaluate", "nearest", "--data", dataset.folder, "--json", "--frames", "1").out)
+@pytest.mark.usefixtures("_small_pictures")
+def test_the_word_nearest_measures_skinning_alone(run: CommandLine, dataset: Dataset, tmp_path: Path) -> None:
+    picture = tmp_path / "r.png"
+    command = ("evaluate", "nearest", "--data", dataset.folder, "--json", "--frames", "1", "--picture", picture)
+    result = run(*command)
+    document = json.loads(result.out)
     assert [method["name"] for method in document["methods"]] == ["nearest"]
     assert document["ratios"] == []
     skinned = document["overall"][1]
     assert 0.5 < skinned["error_mm"]["mean"] < 5, "noise of 1 mm along each axis, and the body's pose correctives"
+    before = picture.read_bytes()
+    assert run(*command) == result
+    assert picture.read_bytes() == before, "twice the same bytes"
 
 
 @pytest.mark.parametrize(

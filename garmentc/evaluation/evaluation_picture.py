@@ -30,7 +30,7 @@ FULL_SCALE = 100.0
 
 _CAPTION = 22
 _TEXT = 14
-_HEIGHT = 2.1
+_MARGIN = 1.06
 _SKIN = np.array([0.80, 0.73, 0.67])
 _CLOTH = np.array([[0.27, 0.43, 0.71], [0.75, 0.31, 0.27], [0.35, 0.59, 0.35], [0.75, 0.63, 0.31]])
 _HEAT = np.array([[0.10, 0.16, 0.45], [0.10, 0.55, 0.65], [0.95, 0.90, 0.35], [0.93, 0.45, 0.15], [0.65, 0.05, 0.10]])
@@ -78,8 +78,7 @@ def _row(evaluation: DatasetEvaluation, shown: Representative, dataset: Dataset,
     part = np.zeros(len(target), np.intp)
     part[sequence.faces] = sequence.triangle_part[:, None]
     cloth = _CLOTH[part % len(_CLOTH)]
-    middle = (skin.vertices.min(axis=0) + skin.vertices.max(axis=0)) / 2
-    camera = Camera(_view(pose), middle, _HEIGHT, CELL)
+    camera = _camera(np.concatenate([skin.vertices, target, predicted]), pose)
     views = (
         ("simulated", target, cloth),
         (shown.method, predicted, cloth),
@@ -101,14 +100,16 @@ def _row(evaluation: DatasetEvaluation, shown: Representative, dataset: Dataset,
     return row
 
 
-def _view(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From the front, whichever way the pelvis faces, a little from above and from the side."""
+def _camera(points: NDArray[np.float64], pose: NDArray[np.float64]) -> Camera:
+    """All points from the front, whichever way the pelvis faces, a little from above and from the side."""
     front = axis_angle_to_matrix(pose[0])[:, 2]
     heading = np.arctan2(front[0], front[2])
-    turns = (np.array([0.15, 0.0, 0.0]), np.array([0.0, -0.4 - heading, 0.0]))
-    tilt, turn = (axis_angle_to_matrix(angle) for angle in turns)
-    view: NDArray[np.float64] = tilt @ turn
-    return view
+    tilt, turn = (axis_angle_to_matrix(np.array(angle)) for angle in ((0.15, 0.0, 0.0), (0.0, -0.4 - heading, 0.0)))
+    view = tilt @ turn
+    seen = points @ view.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    height = _MARGIN * max(high[1] - low[1], (high[0] - low[0]) * CELL[1] / CELL[0])
+    return Camera(view, (low + high) / 2 @ view, height, CELL)
 
 
 def _legend(width: int) -> Image:

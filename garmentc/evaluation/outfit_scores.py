@@ -75,7 +75,14 @@ def score_outfit(
     bodies  model files of the bodies that are not default ones
     Raises GarmentcError where a body is missing or the outfit cannot be compiled.
     """
-    tracks = [_score_sequence(trimmed(sequence), methods, frames, bodies) for sequence in sequences]
+    tracks: list[OutfitScores] = []
+    fitting: _Fitting | None = None
+    for sequence in map(trimmed, sequences):
+        if fitting is None or not fitting.fits(
+            sequence
+        ):  # an outfit's sequences mostly share one, and compiling takes long
+            fitting = _Fitting.of(sequence, methods, bodies)
+        tracks.append(_score_sequence(sequence, fitting, frames))
     facts = sequences[0].facts
     return OutfitScores(
         facts.outfit,
@@ -134,57 +141,64 @@ def body_of(facts: SequenceFacts, bodies: Sequence[Path]) -> tuple[BodyModel, Pa
 
 
 @dataclass(frozen=True)
-class _Gauge:
-    """What every frame of a sequence is measured with.
+class _Fitting:
+    """An outfit on its body, and what every frame of it is measured with.
 
+    moved     by the name of each method
+    pairs     (E, 2) edges, with their lengths (E,) in the template
     garments  vertices of each garment
     """
 
-    triangles: NDArray[np.int32]
+    sequence: OutfitSequence
+    body: BodyModel
+    moved: Mapping[str, PosedTemplate]
     pairs: NDArray[np.int32]
     lengths: NDArray[np.float64]
     garments: tuple[NDArray[np.int32], ...]
 
+    @staticmethod
+    def of(sequence: OutfitSequence, methods: Sequence[Method], bodies: Sequence[Path]) -> _Fitting:
+        body, body_file = body_of(sequence.facts, bodies)
+        moved = {method.name: method.posed_template(sequence, body, body_file) for method in methods}
+        pairs = edges(sequence.faces)
+        parts = (sequence.faces[sequence.triangle_part == part] for part in range(len(sequence.facts.parts)))
+        garments = tuple(np.unique(part) for part in parts)
+        return _Fitting(sequence, body, moved, pairs, edge_lengths(sequence.template, pairs), garments)
 
-def _score_sequence(
-    sequence: OutfitSequence, methods: Sequence[Method], count: int | None, bodies: Sequence[Path]
-) -> OutfitScores:
-    facts, samples = sequence.facts, sample_frames(sequence, count)
-    body, body_file = body_of(facts, bodies)
-    moved = {method.name: method.posed_template(sequence, body, body_file) for method in methods}
-    pairs = edges(sequence.faces)
-    parts = (sequence.faces[sequence.triangle_part == part] for part in range(len(facts.parts)))
-    garments = tuple(np.unique(part) for part in parts)
-    gauge = _Gauge(sequence.faces, pairs, edge_lengths(sequence.template, pairs), garments)
+    def fits(self, other: OutfitSequence) -> bool:
+        """Whether `other` is the same outfit on the same body."""
+        same = (self.sequence.facts.body, self.sequence.facts.gender) == (other.facts.body, other.facts.gender)
+        names = ("template", "faces", "triangle_part", "betas")
+        return same and all(np.array_equal(getattr(self.sequence, name), getattr(other, name)) for name in names)
+
+
+def _score_sequence(sequence: OutfitSequence, fitting: _Fitting, count: int | None) -> OutfitScores:
+    facts, samples, body = sequence.facts, sample_frames(sequence, count), fitting.body
     skin = body.posed(np.array([sample.pose for sample in samples]), sequence.betas)
-    frames = [
-        _score_frame(sample, moved, vertices, body, gauge) for sample, vertices in zip(samples, skin, strict=True)
-    ]
+    frames = [_score_frame(sample, vertices, fitting) for sample, vertices in zip(samples, skin, strict=True)]
     scores = {
         name: MethodScores(*map(np.array, zip(*(frame[name] for frame in frames), strict=True)))
-        for name in (SIMULATION, *moved)
+        for name in (SIMULATION, *fitting.moved)
     }
     clean = touching_share(body, sequence.betas, skin) <= CleanFrames.allowed
     numbers = tuple((facts.name, sample.frame) for sample in samples)
     return OutfitScores(facts.outfit, facts.category, facts.fabric, facts.gender, facts.parts, numbers, clean, scores)
 
 
-def _score_frame(
-    sample: Sample, moved: Mapping[str, PosedTemplate], skin: NDArray[Any], body: BodyModel, gauge: _Gauge
-) -> dict[str, tuple[Any, ...]]:
+def _score_frame(sample: Sample, skin: NDArray[Any], fitting: _Fitting) -> dict[str, tuple[Any, ...]]:
     """By method the metrics of one frame, in the order of MethodScores."""
-    target = simulated(sample)
-    cloths = {SIMULATION: target, **{name: posed(sample.pose.astype(np.float64)) for name, posed in moved.items()}}
-    # All methods in one query: most of its time goes into the body.
-    depths = np.split(depth_inside(np.concatenate(list(cloths.values())), skin, body.faces), len(cloths))
+    target, pose = simulated(sample), sample.pose.astype(np.float64)
+    cloths = {SIMULATION: target, **{name: posed(pose) for name, posed in fitting.moved.items()}}
+    # All methods in one query: the tree over the body is made once.
+    depths = np.split(depth_inside(np.concatenate(list(cloths.values())), skin, fitting.body.faces), len(cloths))
     rows = {}
     for (name, cloth), depth in zip(cloths.items(), depths, strict=True):
         error = MILLIMETRES * np.linalg.norm(cloth - target, axis=1)
         rows[name] = (
             error.mean(),
-            [error[garment].mean() for garment in gauge.garments],
-            edge_mm(cloth, gauge.lengths, gauge.pairs),
-            bend(cloth, gauge.triangles, gauge.pairs),
+            [error[garment].mean() for garment in fitting.garments],
+            edge_mm(cloth, fitting.lengths, fitting.pairs),
+            bend(cloth, sample.sequence.faces, fitting.pairs),
             (depth > 0).mean(),
             (depth > DEEP).mean(),
         )
