@@ -177,6 +177,24 @@ def test_missing_graph_input_is_named(bundle_path, tmp_path, outfit):
         deepsd.infer(bundle, *outfit)
 
 
+@pytest.mark.parametrize(("value", "tensor"), [(np.nan, "weights"), (np.inf, "blend_shapes")])
+def test_a_network_that_makes_no_numbers_is_refused(bundle_path, tmp_path, outfit, value, tensor):
+    def spoil(model):
+        """Add `value` to the first number of an output."""
+        from onnx import TensorProto, helper
+
+        output = next(output for output in model.graph.output if output.name == tensor)
+        for node in model.graph.node:
+            node.output[:] = [f"{tensor}_sound" if name == output.name else name for name in node.output]
+        model.graph.initializer.append(helper.make_tensor("spoil", TensorProto.FLOAT, [1], [value]))
+        model.graph.node.append(helper.make_node("Add", [f"{tensor}_sound", "spoil"], [tensor]))
+
+    bundle = load_bundle(changed_copy(bundle_path, tmp_path, "outfit", spoil))
+    with pytest.raises(GarmentcError, match=f"'{tensor}' that are NaN or infinite; train the bundle again") as error:
+        deepsd.infer(bundle, *outfit)
+    assert str(error.value).startswith(str(tmp_path))
+
+
 def test_changed_file_is_refused(bundle_path, tmp_path):
     folder = changed_copy(bundle_path, tmp_path, "keys", lambda model: None)
     data = bytearray((folder / "keys.onnx").read_bytes())

@@ -50,7 +50,7 @@ def infer(
 
     The encoder reaches four edges far, so a large outfit is encoded in patches with a rim of four edges, and the
     global maximum is taken over the patches: the result does not depend on the patches, memory does.
-    Raises GarmentcError where the bundle's graph is not a DeePSD graph.
+    Raises GarmentcError where the bundle's graph is not a DeePSD graph, or makes NaN or infinity.
     """
     sessions = _sessions(bundle, threads)
     count = len(vertices)
@@ -76,6 +76,7 @@ def infer(
         piece = slice(start, start + MAX_DECODED)
         weights[piece], decoded = sessions.heads.run([WEIGHTS, SHAPES], {LOCAL: local[piece], GLOBAL: pooled})
         shapes[:, piece] = decoded.transpose(1, 0, 2)
+        _check_finite(bundle, weights[piece], decoded)
         progress(min(start + MAX_DECODED, count), count)
     return Rig(np.asarray(vertices), triangles, np.asarray(joints), weights, shapes, bundle.network)
 
@@ -106,6 +107,16 @@ def _sessions(bundle: Bundle, threads: int) -> _Sessions:
     except Exception as error:  # onnx and onnxruntime raise a dozen unrelated types for a graph they cannot use
         raise GarmentcError(f"onnxruntime cannot use the outfit graph: {str(error).splitlines()[0]}", path) from error
     return _Sessions(*made)
+
+
+def _check_finite(bundle: Bundle, weights: NDArray[np.float32], shapes: NDArray[np.float32]) -> None:
+    """Training that diverged leaves a graph that loads and runs; what it makes must not reach a file."""
+    for name, made in ((WEIGHTS, weights), (SHAPES, shapes)):
+        if not np.isfinite(made).all():
+            path = bundle.path / bundle.manifest["files"]["outfit"]["name"]
+            raise GarmentcError(
+                f"the outfit graph makes '{name}' that are NaN or infinite; train the bundle again", path
+            )
 
 
 def _adjacency(edges: NDArray[np.int32], count: int) -> Any:
