@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from garmentc.errors import GarmentcError
 from garmentc.evaluation.clean_frames import clean_frames
 from garmentc.outfit.obj import read_obj
 from garmentc.simulation.outfits import GeneratedOutfit, generate_outfit, sample_parameters
@@ -58,6 +59,15 @@ def test_panels_are_flat_cloth_of_the_right_size(outfit: GeneratedOutfit):
     for panel in range(panels.panel.max()):
         left, right = flat[panels.panel == panel], flat[panels.panel == panel + 1]
         assert left[..., 0].max() < right[..., 0].min()
+
+
+def test_an_obj_that_cannot_be_written_whole_leaves_the_former_one(outfit: GeneratedOutfit, tmp_path: Path):
+    (tmp_path / "a.obj").write_text("former")
+    (tmp_path / "a.mtl").mkdir()
+    with pytest.raises(GarmentcError, match="cannot be written: it is a folder"):
+        write_obj(outfit, tmp_path / "a.obj")
+    assert (tmp_path / "a.obj").read_text() == "former"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mtl", "a.obj"]
 
 
 @pytest.mark.parametrize("texcoords", [True, False])

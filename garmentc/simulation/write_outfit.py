@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from garmentc.output import written_whole
 from garmentc.simulation.outfits import GeneratedOutfit
 from garmentc.simulation.panels import lay_flat
 from garmentc.simulation.quads import pair_triangles, polygon_corners
@@ -46,7 +47,10 @@ def write_obj(
 ) -> None:
     """Write `path` and its MTL beside it: metres, Y up, one object and one material per garment, quads where possible.
 
+    Each file appears whole or not at all, the OBJ after the MTL that it names.
+
     texcoords  lay the garments flat (front and back panels) and write texture coordinates in tiles of the fabric
+    Raises GarmentcError where a file cannot be written.
     """
     partner = pair_triangles(outfit.vertices, outfit.triangles, outfit.triangle_part)
     panels = lay_flat(outfit.vertices, outfit.triangles, outfit.triangle_part, partner) if texcoords else None
@@ -69,10 +73,11 @@ def write_obj(
                 for corner in polygon
             ]
             lines.append("f " + " ".join(corners))
-    path.write_text("\n".join(lines) + "\n", encoding="ascii", newline="\n")
     used = dict.fromkeys(fabrics[part % len(fabrics)] for part in range(len(outfit.part_names)))
-    text = "\n".join(_mtl(fabric, texcoords) for fabric in used)
-    path.with_suffix(".mtl").write_text(text, encoding="ascii", newline="\n")
+    materials = "\n".join(_mtl(fabric, texcoords) for fabric in used)
+    for target, text in ((path.with_suffix(".mtl"), materials), (path, "\n".join(lines) + "\n")):
+        with written_whole(target) as file:
+            file.write(text.encode("ascii"))
 
 
 def _mtl(fabric: Fabric, textured: bool) -> str:
