@@ -280,7 +280,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> CommandLine:
 
 @pytest.fixture
 def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("garmentc.evaluation.evaluation_picture.CELL", (60, 80))
+    monkeypatch.setattr("garmentc.evaluation.evaluation_picture.CELL", (140, 160))
 
 
 @pytest.mark.usefixtures("_small_pictures")
