@@ -52,8 +52,7 @@ def shade(
     )
     ambient = fragments.interpolate(sky, surface.triangles)
     normal = _unit(normal)
-    behind = normal @ away > 0  # the back of the cloth is lit as a front (glTF 2.0, doubleSided)
-    normal[behind] *= -1
+    behind = normal @ away > 0
     light = np.where(behind, ambient[:, 1], ambient[:, 0])[:, None]
 
     uv = None if surface.texcoords is None else fragments.interpolate(surface.texcoords, surface.triangles)
@@ -69,9 +68,11 @@ def shade(
     if surface.colors is not None:
         base = fragments.interpolate(surface.colors, surface.triangles)
     bumps = sampled(material.normal_texture)
-    detailed = normal
+    detailed = normal.copy()
     if bumps is not None:
-        detailed = _bumped(surface, fragments, normal, bumps[:, :3], material.normal_scale)
+        detailed = bumped(surface, fragments, normal, bumps[:, :3], material.normal_scale)
+    for rows in (normal, detailed):
+        rows[behind] *= -1  # the back of cloth is lit like a front (glTF 2.0, doubleSided)
     metallic, roughness = _row([material.metallic]), _row([material.roughness])
     surface_maps = sampled(material.metallic_roughness_texture)
     if surface_maps is not None:
@@ -106,10 +107,14 @@ def opaque(surface: Surface, fragments: Fragments, footprint: NDArray[np.float64
     return np.asarray(alpha > (np.array([0, 5, 2, 7, 4, 8, 3, 6, 1])[rank] + 0.5) / 9)
 
 
-def _bumped(
+def bumped(
     surface: Surface, fragments: Fragments, normal: NDArray[Any], bumps: NDArray[np.float32], scale: float
 ) -> NDArray[np.float32]:
-    """Normals (P, 3) bent by a normal map; tangents from the texture coordinates of each triangle."""
+    """Normals (P, 3) bent by a normal map; tangents from the texture coordinates of each triangle.
+
+    bumps  (P, 3) the map's colours
+    scale  of the map's x and y
+    """
     assert surface.texcoords is not None
     a, b, c = (surface.positions[surface.triangles[:, k]] for k in range(3))
     u, v, w = (surface.texcoords[surface.triangles[:, k]].astype(np.float64) for k in range(3))
@@ -117,16 +122,10 @@ def _bumped(
     turned = np.sign(x * t - y * z)[:, None]
     along_u = (turned * ((b - a) * t[:, None] - (c - a) * y[:, None]))[fragments.triangle]
     tangent = _unit(along_u - normal * np.einsum("pk,pk->p", along_u, normal)[:, None])
-    # glTF's bitangent points where v decreases: up in the picture.
-    bitangent = np.cross(normal, tangent) * turned[fragments.triangle] * _front(surface, fragments, normal)
+    # glTF's texture coordinates point down the image, its normal maps up.
+    bitangent = -turned[fragments.triangle] * np.cross(normal, tangent)
     bend = (2 * bumps - 1) * _row([scale, scale, 1.0])
     return _unit(bend[:, :1] * tangent + bend[:, 1:2] * bitangent + bend[:, 2:] * normal)
-
-
-def _front(surface: Surface, fragments: Fragments, normal: NDArray[Any]) -> NDArray[np.float32]:
-    """(P, 1): 1 where `normal` is on the side of the surface's own normals, -1 behind."""
-    own = fragments.interpolate(surface.normals, surface.triangles)
-    return np.asarray(np.sign(np.einsum("pk,pk->p", own, normal))[:, None])
 
 
 def _specular(
