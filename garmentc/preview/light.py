@@ -21,7 +21,7 @@ _SKY, _GROUND = 1.0, 0.5
 _DIRECTIONS = 64
 _SKY_MAP, _LAMP_MAP = 320, 1024
 _LIFT = 0.006
-"""Metres off its surface that a point is asked about: cloth must not shade itself."""
+"""Metres off its surface at least that a point is asked about: cloth must not shade itself."""
 
 _PENUMBRA = 0.012
 """Metres: half width of the blur of the lamp's shadows."""
@@ -44,11 +44,12 @@ def sky_light(
         camera = around(positions, looking(direction), _SKY_MAP)
         near, far = depth_range(camera.project(positions), triangles, camera.size)
         cosine = normals @ direction
+        lift = _lift(camera)
         for source, blocker in ((1.0, far), (-1.0, near)):  # light from `direction`, and from its opposite
             brightness = _GROUND + (_SKY - _GROUND) * (source * direction[1] + 1) / 2
             for side, facing in ((0, source * cosine), (1, -source * cosine)):
                 lit = np.flatnonzero(facing > 0)
-                lifted = camera.project(points[lit] + (_LIFT if side == 0 else -_LIFT) * normals[lit])
+                lifted = camera.project(points[lit] + (lift if side == 0 else -lift) * normals[lit])
                 free = source * (lifted[:, 2] - _lookup(blocker, lifted)) >= 0
                 light[lit, side] += brightness * facing[lit] * free
     upward = sum(direction[1] * (_GROUND + (_SKY - _GROUND) * (direction[1] + 1) / 2) for direction in directions)
@@ -79,7 +80,7 @@ class Lamp:
 
     def reaches(self, points: NDArray[Any], normals: NDArray[Any]) -> NDArray[np.float32]:
         """Share (P,) of the lamp that is seen from points; normals are on the lit side."""
-        places = self.camera.project(points + _LIFT * normals)
+        places = self.camera.project(points + _lift(self.camera) * normals)
         share = np.zeros(len(points), dtype=np.float32)
         offsets = _disc(16) * _PENUMBRA * self.camera.scale
         for offset in offsets:
@@ -100,6 +101,11 @@ def _disc(count: int) -> NDArray[np.float64]:
     index = np.arange(count)
     radius, angle = np.sqrt((index + 0.5) / count), index * np.pi * (3 - np.sqrt(5))
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def _lift(camera: Camera) -> float:
+    """Metres off a surface where its own pixels in a depth map no longer shade it."""
+    return max(_LIFT, 1.5 / camera.scale)
 
 
 def _lookup(image: NDArray[np.float32], places: NDArray[Any]) -> NDArray[np.float32]:

@@ -5,7 +5,7 @@ import {
   RoomEnvironment, Scene, ShadowMaterial, OrbitControls, Vector3, WebGLRenderer,
 } from 'three';
 
-const DISTANCE = 3.4;
+const DISTANCE = 3.7;
 
 export class Stage {
   constructor(canvas) {
@@ -53,6 +53,7 @@ export class Stage {
   frame(object, ground) {
     const box = new Box3().setFromObject(object, true);
     box.getCenter(this.middle);
+    this.middle.y -= 0.05 * (box.max.y - box.min.y); // room for the timeline
     this.floor.position.y = this.ground = ground;
     this.distance = Math.max(1, (box.max.y - box.min.y) / 1.75) * DISTANCE;
     this.look(20);
