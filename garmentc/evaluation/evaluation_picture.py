@@ -13,8 +13,14 @@ from numpy.typing import NDArray
 from garmentc.evaluation.dataset_evaluation import DatasetEvaluation
 from garmentc.evaluation.metrics import MILLIMETRES
 from garmentc.evaluation.outfit_scores import body_of, simulated, trimmed
-from garmentc.evaluation.raster import Camera, Surface, render
 from garmentc.evaluation.representative import Representative, shown_method
+from garmentc.outfit.topology import vertex_normals
+from garmentc.preview.camera import Camera, view_axes
+from garmentc.preview.material import Material
+from garmentc.preview.render import BACKGROUND, light_scene, render
+from garmentc.preview.surface import Scene, Surface
+from garmentc.preview.texture import srgb_to_linear
+from garmentc.preview.worn import CLAY
 from garmentc.simulation.dataset import Dataset
 from garmentc.simulation.sequence import Sample
 from garmentc.smpl.rotations import axis_angle_to_matrix
@@ -31,9 +37,11 @@ FULL_SCALE = 100.0
 _CAPTION = 22
 _TEXT = 14
 _MARGIN = 1.06
-_SKIN = np.array([0.80, 0.73, 0.67])
+_TURN, _PITCH = np.radians(25.0), np.radians(8.0)
+_PAPER = tuple(round(255 * value) for value in BACKGROUND)
+_MATT = Material(roughness=1.0)
 _CLOTH = np.array([[0.27, 0.43, 0.71], [0.75, 0.31, 0.27], [0.35, 0.59, 0.35], [0.75, 0.63, 0.31]])
-_HEAT = np.array([[0.10, 0.16, 0.45], [0.10, 0.55, 0.65], [0.95, 0.90, 0.35], [0.93, 0.45, 0.15], [0.65, 0.05, 0.10]])
+_HEAT = np.array([[0.16, 0.24, 0.55], [0.10, 0.55, 0.65], [0.95, 0.90, 0.35], [0.93, 0.45, 0.15], [0.65, 0.05, 0.10]])
 
 
 def picture_bytes(
@@ -46,7 +54,7 @@ def picture_bytes(
     from PIL import Image as image_module
 
     rows = [_row(evaluation, sample, dataset, bodies) for sample in samples]
-    sheet = image_module.new("RGB", (rows[0].width, sum(row.height for row in rows) + 2 * _CAPTION), "white")
+    sheet = image_module.new("RGB", (rows[0].width, sum(row.height for row in rows) + 2 * _CAPTION), _PAPER)
     for index, row in enumerate(rows):
         sheet.paste(row, (0, index * row.height))
     sheet.paste(_legend(sheet.width), (0, sheet.height - 2 * _CAPTION))
@@ -56,7 +64,7 @@ def picture_bytes(
 
 
 def heat(error_mm: NDArray[Any]) -> NDArray[np.float64]:
-    """Colours (N, 3) from 0 to 1 of errors (N,), blue for none to dark red for FULL_SCALE and more."""
+    """Colours (N, 3), sRGB, of errors (N,), blue for none to dark red for FULL_SCALE and more."""
     place = np.clip(np.asarray(error_mm) / FULL_SCALE, 0, 1)
     stops = np.linspace(0, 1, len(_HEAT))
     return np.stack([np.interp(place, stops, channel) for channel in _HEAT.T], axis=-1)
@@ -73,18 +81,19 @@ def _row(evaluation: DatasetEvaluation, shown: Representative, dataset: Dataset,
     pose = sample.pose.astype(np.float64)
     target = simulated(sample)
     predicted = shown_method(evaluation).posed_template(sequence, body, body_file)(pose)
-    skin = Surface(body.posed(pose, sequence.betas), body.faces, _SKIN)
+    skin = body.posed(pose, sequence.betas)
     error = MILLIMETRES * np.linalg.norm(predicted - target, axis=1)
     part = np.zeros(len(target), np.intp)
     part[sequence.faces] = sequence.triangle_part[:, None]
     cloth = _CLOTH[part % len(_CLOTH)]
-    camera = _camera(np.concatenate([skin.vertices, target, predicted]), pose)
+    camera = _camera(np.concatenate([skin, target, predicted]), pose)
+    inside = Surface(skin, vertex_normals(skin, body.faces), body.faces, CLAY)
     views = (
         ("simulated", target, cloth),
         (shown.method, predicted, cloth),
         ("its error", predicted, heat(error)),
     )
-    row = image_module.new("RGB", (len(views) * CELL[0], CELL[1] + 2 * _CAPTION), "white")
+    row = image_module.new("RGB", (len(views) * CELL[0], CELL[1] + 2 * _CAPTION), _PAPER)
     draw = ImageDraw.Draw(row)
     draw.font = ImageFont.load_default(_TEXT)
     draw.text(
@@ -95,7 +104,9 @@ def _row(evaluation: DatasetEvaluation, shown: Representative, dataset: Dataset,
     )
     for column, (title, vertices, colors) in enumerate(views):
         draw.text((column * CELL[0] + 6, _CAPTION + 2), title, fill="gray")
-        picture = render([skin, Surface(vertices, sequence.faces, colors)], camera)
+        normals = vertex_normals(vertices, sequence.faces)
+        outside = Surface(vertices, normals, sequence.faces, _MATT, colors=srgb_to_linear(colors))
+        picture = render(light_scene(Scene((inside, outside))), camera)
         row.paste(image_module.fromarray(picture), (column * CELL[0], 2 * _CAPTION))
     return row
 
@@ -103,13 +114,11 @@ def _row(evaluation: DatasetEvaluation, shown: Representative, dataset: Dataset,
 def _camera(points: NDArray[np.float64], pose: NDArray[np.float64]) -> Camera:
     """All points from the front, whichever way the pelvis faces, a little from above and from the side."""
     front = axis_angle_to_matrix(pose[0])[:, 2]
-    heading = np.arctan2(front[0], front[2])
-    tilt, turn = (axis_angle_to_matrix(np.array(angle)) for angle in ((0.15, 0.0, 0.0), (0.0, -0.4 - heading, 0.0)))
-    view = tilt @ turn
-    seen = points @ view.T
+    axes = view_axes(np.arctan2(front[0], front[2]), _TURN, _PITCH)
+    seen = points @ axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
-    height = _MARGIN * max(high[1] - low[1], (high[0] - low[0]) * CELL[1] / CELL[0])
-    return Camera(view, (low + high) / 2 @ view, height, CELL)
+    scale = (np.array(CELL) / (high - low)[:2]).min() / _MARGIN
+    return Camera(axes, (low + high) / 2 @ axes, float(scale), CELL)
 
 
 def _legend(width: int) -> Image:
@@ -117,7 +126,7 @@ def _legend(width: int) -> Image:
     from PIL import ImageDraw, ImageFont
 
     length = CELL[0] - 120
-    legend = image_module.new("RGB", (width, 2 * _CAPTION), "white")
+    legend = image_module.new("RGB", (width, 2 * _CAPTION), _PAPER)
     bar = np.rint(255 * heat(np.linspace(0, FULL_SCALE, length))).astype(np.uint8)
     left = width - CELL[0] + 40
     legend.paste(image_module.fromarray(np.repeat(bar[None], 12, axis=0)), (left, 14))
