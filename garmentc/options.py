@@ -78,6 +78,7 @@ class CompileOptions:
     unwrap                   make texture coordinates where there are none
     allow_external_textures  read textures outside the OBJ's folder
     pose_keys                write the pose-key network into the glb
+    meshopt                  compress the glb with EXT_meshopt_compression
     skeleton                 whose names the joints have; all but "smpl" also stand on the ground
     with_body                write the body beside the outfit, as a second mesh on the same skeleton
     keys_onnx                also write the pose-key network as an ONNX file
@@ -105,6 +106,7 @@ class CompileOptions:
     unwrap: Unwrap = "auto"
     allow_external_textures: bool = False
     pose_keys: bool = True
+    meshopt: bool = False
     skeleton: SkeletonName = "smpl"
     with_body: bool = False
     keys_onnx: Path | None = None

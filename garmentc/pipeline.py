@@ -18,7 +18,9 @@ from garmentc.families import deepsd
 from garmentc.families.bundle import Bundle, load_bundle
 from garmentc.gltf.asset import Asset, Clip, GltfOptions, RiggedMesh
 from garmentc.gltf.body_mesh import body_mesh
+from garmentc.gltf.meshopt import codec
 from garmentc.gltf.names import unique_names
+from garmentc.gltf.reorder import reordered
 from garmentc.gltf.skeletons import SKELETONS
 from garmentc.gltf.write import WrittenGlb, write_glb
 from garmentc.key_graph import write_key_graph
@@ -76,7 +78,7 @@ def compile_outfit(
     """
     options = replace(options or CompileOptions(), **given)
     paths = [Path(outfit)] if isinstance(outfit, (str, PathLike)) else [Path(path) for path in outfit]
-    _check_together(paths, options)
+    _check(paths, options)
     check_outputs((output, options.keys_onnx), inputs=(*paths, options.body, options.params, *options.motion))
     clock = _Clock(on_progress)
 
@@ -103,10 +105,12 @@ def compile_outfit(
     return make_report(options, layers, written, clock.stages)
 
 
-def _check_together(paths: Sequence[Path], options: CompileOptions) -> None:
-    """Raise GarmentcError where there is no outfit, or an option that is meant for one is given for several."""
+def _check(paths: Sequence[Path], options: CompileOptions) -> None:
+    """Raise GarmentcError now for what would fail later: no outfit, options that are for one, a missing package."""
     if not paths:
         raise GarmentcError("no outfit is given; name an OBJ file")
+    if options.meshopt:
+        codec()  # now, not after all the work
     for option, value in (("keys-onnx", options.keys_onnx), ("name", options.name)):
         if len(paths) > 1 and value is not None:
             raise GarmentcError(f"--{option} is for one outfit, and {len(paths)} are given; leave it out")
@@ -271,6 +275,7 @@ def emit(layers: Sequence[Layer], options: CompileOptions, output: Path) -> Writ
             sparse=settings.sparse == "auto",
             pose_keys=options.pose_keys,
             skeleton=SKELETONS[options.skeleton],
+            meshopt=options.meshopt,
         ),
         extras={
             "body": alignment.body.name,
@@ -304,6 +309,8 @@ def _meshes(layers: Sequence[Layer], options: CompileOptions) -> tuple[RiggedMes
     if options.with_body:
         alignment = layers[0].dressed.alignment
         meshes.append(body_mesh(alignment.body, alignment.betas, body_name))
+    if options.meshopt:
+        meshes = [replace(mesh, primitives=tuple(map(reordered, mesh.primitives))) for mesh in meshes]
     return tuple(meshes)
 
 

@@ -49,6 +49,7 @@ def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
 @click.option(
     "--pose-keys/--no-pose-keys", default=True, show_default=True, help="Write the pose-key network into the glb."
 )
+@click.option("--meshopt", is_flag=True, help="Compress the glb (EXT_meshopt_compression); loaders need a decoder.")
 @_choice("--skeleton", choices.SkeletonName, "Whose names the joints have.")
 @click.option("--with-body", is_flag=True, help="Write the body beside the outfit, for previews and try-on.")
 @click.option("--keys-onnx", type=PATH, metavar="OUT.onnx", help="Also write the pose-key network as ONNX.")

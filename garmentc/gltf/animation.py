@@ -26,7 +26,8 @@ def add_animation(
     for track in tracks:
         frames = track.frames.tobytes()
         if frames not in times:
-            times[frames] = writer.plain((track.frames / fps).astype(np.float32), bounds=True, label="keyframe times")
+            seconds = (track.frames / fps).astype(np.float32)
+            times[frames] = writer.plain(seconds, bounds=True, label="keyframe times", rows=seconds)
         node = mesh_nodes[track.mesh] if track.joint is None else joints[track.joint]
         sampler = AnimationSampler(input=times[frames], output=_output(writer, track), interpolation=None)
         target = AnimationChannelTarget(node=node, path=track.path)
@@ -37,4 +38,4 @@ def add_animation(
 
 def _output(writer: AccessorWriter, track: Track) -> Any:
     values = track.values.reshape(-1) if track.path == "weights" else track.values  # weights are scalars in a row
-    return writer.plain(values, label=f"the {track.path} of the motion")
+    return writer.plain(values, label=f"the {track.path} of the motion", rows=track.values)

@@ -24,6 +24,7 @@ class GltfOptions:
     sparse           write a blend shape as a sparse accessor where that is smaller
     pose_keys        write the pose-key network, as extension and in the extras of the mesh node
     skeleton         names of the joints
+    meshopt          EXT_meshopt_compression of everything but the pose-key network and images
     key_tolerance    metres that leaving out the keyframes of one animation channel may move a vertex; 0 keeps all
     """
 
@@ -32,6 +33,7 @@ class GltfOptions:
     sparse: bool = True
     pose_keys: bool = True
     skeleton: Skeleton = SMPL
+    meshopt: bool = False
     key_tolerance: float = 1e-4
 
     def __post_init__(self) -> None:

@@ -66,7 +66,8 @@ def glb_writer(path: str | os.PathLike[str]) -> Iterator[tuple[Any, BinaryChunk]
             document = GLTF2()
             chunk = BinaryChunk(spool)
             yield document, chunk
-            document.buffers = [Buffer(byteLength=chunk.length)] if chunk.length else []
+            embedded = [Buffer(byteLength=chunk.length)] if chunk.length else []
+            document.buffers = [*embedded, *document.buffers]
             _write_container(file, document_json(document), chunk, path)
         file.flush()
         if target.is_file():

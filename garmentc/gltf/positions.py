@@ -1,4 +1,4 @@
-"""How positions are stored: as float32 metres, or as int16 in a box that the inverse bind matrices undo."""
+"""How positions are stored: as float32 metres, or as integers in a box that the inverse bind matrices undo."""
 
 from __future__ import annotations
 
@@ -18,17 +18,20 @@ _SNORM16 = 32767
 class PositionCodec:
     """stored = (position - center) / scale, for blend shapes stored = delta / scale.
 
-    quantized  stored as normalised int16 (KHR_mesh_quantization); otherwise center is 0 and scale 1
+    quantized   stored as int16 (KHR_mesh_quantization); otherwise center is 0 and scale 1
+    normalized  the integers stand for fractions; otherwise for themselves, and small deltas may be int8 in equal steps
     """
 
     quantized: bool
     center: NDArray[np.float64]
     scale: float
+    normalized: bool = True
 
     @property
     def matrix(self) -> NDArray[np.float64]:
         """(4, 4): stored positions to metres."""
-        matrix = np.diag([self.scale, self.scale, self.scale, 1.0])
+        scale = self.scale if self.normalized else self.scale / _SNORM16
+        matrix = np.diag([scale, scale, scale, 1.0])
         matrix[:3, 3] = self.center
         return matrix
 
@@ -38,13 +41,17 @@ class PositionCodec:
 
     def deltas(self, deltas: NDArray[Any]) -> NDArray[Any]:
         """(N, 3) metres as stored."""
-        return self._encode(deltas) if self.quantized else deltas.astype(np.float32, copy=False)
+        if not self.quantized:
+            return deltas.astype(np.float32, copy=False)
+        encoded = self._encode(deltas)
+        small = not self.normalized and encoded.min() >= -128 and encoded.max() <= 127
+        return encoded.astype(np.int8) if small else encoded
 
     def _encode(self, vectors: NDArray[Any]) -> NDArray[np.int16]:
         return np.round(vectors * (_SNORM16 / self.scale)).astype(np.int16)
 
 
-def position_codec(*rigs: Rig, quantize: bool) -> PositionCodec:
+def position_codec(*rigs: Rig, quantize: bool, normalize: bool = True) -> PositionCodec:
     """One box for all vertices and blend shapes of the rigs: their skin has one set of inverse bind matrices."""
     if not quantize:
         return PositionCodec(False, np.zeros(3), 1.0)
@@ -53,7 +60,7 @@ def position_codec(*rigs: Rig, quantize: bool) -> PositionCodec:
     center = np.round((low + high) / 2 / JOINT_GRID) * JOINT_GRID
     reach = max(float((high - center).max()), float((center - low).max()), max(map(largest_delta, rigs)))
     scale = np.nextafter(np.float32(max(reach, JOINT_GRID)), np.float32(np.inf))
-    return PositionCodec(True, center, float(scale))
+    return PositionCodec(True, center, float(scale), normalize)
 
 
 def largest_delta(rig: Rig) -> float:

@@ -52,7 +52,9 @@ def _add_primitive(
     rig, quantize = shown.rig, options.quantize
     attributes = Attributes()
     positions = codec.positions(rig.template[corners.vertices])
-    attributes.POSITION = writer.attribute(positions, normalized=quantize, bounds=True, label="the template")
+    attributes.POSITION = writer.attribute(
+        positions, normalized=quantize and codec.normalized, bounds=True, label="the template"
+    )
     normals = _normals(corners.normals, quantize)
     attributes.NORMAL = writer.attribute(normals, normalized=quantize, label="the normals")
     if corners.texcoords is not None:
@@ -83,7 +85,8 @@ def _add_target(
     quantize = options.quantize
     add = writer.sparse_attribute if options.sparse else writer.attribute
     moved = codec.deltas(rig.blend_shapes[morph][corners.vertices])
-    target = Attributes(POSITION=add(moved, normalized=quantize, bounds=True, label=f"blend shape {morph}"))
+    fractions = quantize and codec.normalized
+    target = Attributes(POSITION=add(moved, normalized=fractions, bounds=True, label=f"blend shape {morph}"))
     if rig.blend_normals is not None:
         turned = _normals(rig.blend_normals[morph][corners.vertices], quantize)
         target.NORMAL = add(turned, normalized=quantize, label=f"the normals of blend shape {morph}")

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from garmentc.gltf.cursor import Cursor
 from garmentc.gltf.glb import read_chunks
 from garmentc.gltf.glb_asset import Animation, Channel, GlbAsset, Image, Mesh, Node, Skin
+from garmentc.gltf.meshopt import EXTENSION
 from garmentc.gltf.read_accessors import AccessorReader
 from garmentc.gltf.read_materials import read_materials
 from garmentc.gltf.read_mesh import read_mesh
 from garmentc.gltf.read_pose_keys import network_in_extras
 from garmentc.gltf.role import BODY, ROLE
 
-_READABLE = {"KHR_mesh_quantization", "KHR_texture_transform", "KHR_materials_specular"}
+_READABLE = {"KHR_mesh_quantization", "KHR_texture_transform", "KHR_materials_specular", EXTENSION}
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 
 

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from garmentc.errors import Diagnostic
-from garmentc.gltf import pose_keys, vrm
+from garmentc.gltf import meshopt, pose_keys, vrm
 from garmentc.gltf.accessors import AccessorWriter
 from garmentc.gltf.animation import add_animation
 from garmentc.gltf.asset import Asset, Clip, RiggedMesh
 from garmentc.gltf.glb import glb_writer
 from garmentc.gltf.materials import MaterialWriter
+from garmentc.gltf.meshopt import MeshoptWriter
 from garmentc.gltf.positions import position_codec
 from garmentc.gltf.primitives import add_mesh
 from garmentc.gltf.role import BODY, ROLE
@@ -54,7 +55,8 @@ def write_glb(asset: Asset, path: str | os.PathLike[str]) -> WrittenGlb:
     root = on_grid(asset.rig.joints)[0]
     clips = [(clip, clip_tracks(clip, asset.rigs, root, asset.options.key_tolerance)) for clip in asset.clips]
     with glb_writer(path) as (document, chunk):
-        _fill(document, AccessorWriter(document, chunk), asset, clips)
+        compression = MeshoptWriter(document, chunk) if asset.options.meshopt else None
+        _fill(document, AccessorWriter(document, chunk, compression), asset, clips)
     return WrittenGlb(
         path=Path(path),
         bytes=Path(path).stat().st_size,
@@ -99,7 +101,7 @@ def _fill(
     if skeleton.grounded:
         above.translation = [0.0, -float(np.floor(asset.ground / JOINT_GRID) * JOINT_GRID), 0.0]
     armature = _add_node(document, above)
-    codec = position_codec(*asset.rigs, quantize=asset.options.quantize)
+    codec = position_codec(*asset.rigs, quantize=asset.options.quantize, normalize=not asset.options.meshopt)
     materials = MaterialWriter(writer)
     meshes = [add_mesh(writer, shown, asset.options, codec, _add_materials(materials, shown)) for shown in asset.meshes]
     skin = add_skin(writer, joints, asset.rig.joints, codec.matrix, skeleton.name)
@@ -119,16 +121,17 @@ def _fill(
                 shown.rig.keys, skeleton.joints
             )
             extensions.add(pose_keys.EXTENSION)
-    if asset.options.quantize:
-        extensions.add(QUANTIZATION)
-        document.extensionsRequired = [QUANTIZATION]
+    required = {QUANTIZATION} if asset.options.quantize else set()
+    for clip, tracks in clips:
+        add_animation(writer, clip.motion.name, tracks, clip.motion.fps, joints, mesh_nodes)
+    if writer.meshopt is not None and writer.meshopt.finish():
+        required.add(meshopt.EXTENSION)
+    document.extensionsRequired = sorted(required)
+    extensions |= required
     if skeleton is VRM:
         document.extensions = {vrm.EXTENSION: vrm.vrm_extension(asset.name, joints)}
         extensions.add(vrm.EXTENSION)
     document.extensionsUsed = sorted(extensions)
-
-    for clip, tracks in clips:
-        add_animation(writer, clip.motion.name, tracks, clip.motion.fps, joints, mesh_nodes)
 
 
 def _add_materials(materials: MaterialWriter, shown: RiggedMesh) -> dict[int, int]:
