@@ -83,6 +83,7 @@ def _train(
 
     from garmentc.simulation.dataset import open_dataset
     from garmentc.training.checkpoint import DataFacts
+    from garmentc.training.rigid_outfits import rigid_outfits
     from garmentc.training.simulated_outfits import read_outfits
     from garmentc.training.train_deepsd import train
 
@@ -96,6 +97,7 @@ def _train(
     held_out = read_outfits(dataset, measure, recipe.metadata, bodies) if workers.leads else []
     facts = DataFacts(dataset.name, dataset.sha256, len(outfits), sum(map(len, outfits)))
     show(f"{facts.outfits} outfits in {facts.frames} frames; {len(held_out)} held out")
+    outfits += rigid_outfits(recipe.rigid_outfits, outfits, recipe.seed) if outfits else []
     limit = None if time_limit is None else 60 * time_limit
     with _stoppable() as must_stop:
         return train(recipe, outfits, held_out, facts, out, workers, time_limit=limit, must_stop=must_stop, show=show)

@@ -15,6 +15,7 @@ from garmentc.training.checkpoint import Checkpoint
 from garmentc.training.deepsd_network import VERTICES
 from garmentc.training.metadata import encode_metadata
 from garmentc.training.pose_encodings import POSE_ENCODINGS
+from garmentc.training.recipe import CONFIGS, Recipe, read_recipe
 from garmentc.training.write_bundle import write_bundle
 
 BUNDLE = "bundle"
@@ -67,6 +68,12 @@ def training_record(checkpoint: Checkpoint) -> dict[str, Any]:
             stage: {name: round(value, 3) for name, value in figures.items()}
             for stage, figures in progress.figures.items()
         },
-        "command": "garmentc train deepsd --data DIR --config FILE --out DIR",
+        "command": f"garmentc train deepsd --data {checkpoint.data.name} --config {_config(recipe)} --out run",
         "versions": {"garmentc": __version__, "torch": torch.__version__, "numpy": np.__version__},
     }
+
+
+def _config(recipe: Recipe) -> str:
+    """The name of the recipe where it is one of garmentc's own; the record holds it in any case."""
+    own = [path.stem for path in sorted(CONFIGS.glob("*.toml")) if read_recipe(path) == recipe]
+    return own[0] if own else "recipe.toml"

@@ -63,7 +63,8 @@ class DataLearning:
 
         chosen = torch.arange(len(sample.vertices)) if rows is None else torch.from_numpy(rows)
         descriptors = network.descriptors(sample.vertices, sample.normals, sample.mean, metadata, chosen)
-        weights = network.blend_weights(descriptors)
+        logarithms = torch.log_softmax(network.weight_logits(descriptors), dim=1)
+        weights = logarithms.exp()
         features = POSE_ENCODINGS[network.config.pose_encoding].encode(poses).astype(np.float32)
         deformations = network.deformations(descriptors, torch.from_numpy(features), physics=False)
         posed = skin(sample.vertices[chosen] + deformations, largest(weights, influences), torch.from_numpy(transforms))
@@ -71,7 +72,7 @@ class DataLearning:
         terms = {
             "distance": (distance.square().sum(dim=-1) + 1e-6).sqrt().mean(),
             "squared": distance.square().sum(dim=-1).mean(),
-            "weights": (weights - sample.prior[chosen]).square().sum(dim=1).mean(),
+            "weights": -(sample.prior[chosen] * logarithms).sum(dim=1).mean(),
             "deformation": (deformations * MM).square().sum(dim=-1).mean(),
         }
         total = terms[settings.loss]

@@ -11,6 +11,7 @@ Where it departs from the paper, and why:
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -200,19 +201,27 @@ class Deepsd(nn.Module):
 
     def deformations(self, descriptors: Descriptors, features: Tensor, *, physics: bool = True) -> Tensor:
         """How each vertex moves before skinning, (T, N, 3) metres, in the poses `features` (T, 72)."""
+        return self.deformer(descriptors, physics=physics)(features)
+
+    def deformer(self, descriptors: Descriptors, *, physics: bool = True) -> Callable[[Tensor], Tensor]:
+        """`deformations` as a function of the poses: what depends on the outfit alone is computed once."""
         kind, count = self.config.deformation, len(descriptors.local)
         if kind == NONE:
-            return features.new_zeros(len(features), count, 3)
-        keys = self.pose_keys(features)
+            return lambda features: features.new_zeros(len(features), count, 3)
         if kind == BLEND_SHAPES:
-            return combined(keys, self.blend_shapes(descriptors, physics=physics))
+            shapes = self.blend_shapes(descriptors, physics=physics)
+            return lambda features: combined(self.pose_keys(features), shapes)
         first = self.data_head[0]
         assert isinstance(first, nn.Linear)
         width = first.in_features - self.config.pose_code
         at_vertex = nn.functional.linear(descriptors.local, first.weight[:, : descriptors.local.shape[1]])
         around = nn.functional.linear(descriptors.shared, first.weight[:, descriptors.local.shape[1] : width])
-        in_pose = nn.functional.linear(keys, first.weight[:, width:], first.bias)
-        moved: Tensor = self.data_head[1:](at_vertex + around + in_pose[:, None])
+
+        def moved(features: Tensor) -> Tensor:
+            in_pose = nn.functional.linear(self.pose_keys(features), first.weight[:, width:], first.bias)
+            result: Tensor = self.data_head[1:](at_vertex + around + in_pose[:, None])
+            return result
+
         return moved
 
 

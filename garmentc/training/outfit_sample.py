@@ -29,7 +29,7 @@ class OutfitSample:
     rest_lengths       (E,) metres
     counts             (N,) neighbours of each vertex
     mean               (N, N) sparse: the mean over neighbours
-    prior              (N, 24) blend weights of the nearest body vertex
+    prior              (N, 24) blend weights that the network starts towards: those of the nearest body vertex
     body               the body it was made for, shape baked in, float32
     """
 
@@ -47,18 +47,19 @@ class OutfitSample:
 
 @dataclass(frozen=True)
 class PosableBody:
-    """A body of fixed shape that is posed often: vertices (V, 3), weights (V, 24), all float32."""
+    """A body of fixed shape `betas` that is posed often: vertices (V, 3), weights (V, 24), all float32."""
 
     vertices: NDArray[Any]
     faces: NDArray[np.int32]
     joints: NDArray[Any]
     weights: NDArray[Any]
     model: BodyModel
+    betas: NDArray[Any]
 
     @staticmethod
     def of(model: BodyModel, betas: NDArray[Any]) -> PosableBody:
         small = model.astype(np.float32)
-        return PosableBody(small.shaped(betas), small.faces, small.joints(betas), small.weights, small)
+        return PosableBody(small.shaped(betas), small.faces, small.joints(betas), small.weights, small, betas)
 
     def transforms(self, poses: NDArray[Any]) -> NDArray[Any]:
         """Joint transforms (T, 24, 4, 4) of poses (T, 24, 3)."""
@@ -87,8 +88,17 @@ def body_normals(vertices: NDArray[Any], faces: NDArray[np.int32]) -> NDArray[An
     return unit
 
 
-def make_sample(name: str, vertices: NDArray[Any], triangles: NDArray[np.int32], body: PosableBody) -> OutfitSample:
-    """Precompute everything about an outfit that does not change in training."""
+def make_sample(
+    name: str,
+    vertices: NDArray[Any],
+    triangles: NDArray[np.int32],
+    body: PosableBody,
+    prior: NDArray[Any] | None = None,
+) -> OutfitSample:
+    """Precompute everything about an outfit that does not change in training.
+
+    prior  (N, 24) blend weights; those of the nearest body vertex where None
+    """
     edges = unique_edges(triangles)
     count = len(vertices)
     both = np.concatenate([edges, edges[:, ::-1]])
@@ -97,7 +107,8 @@ def make_sample(name: str, vertices: NDArray[Any], triangles: NDArray[np.int32],
     mean = sparse.diags(1 / np.maximum(degree, 1)) @ adjacency
     mean = mean.tocsr().astype(np.float32)
     mean.sort_indices()
-    nearest = cKDTree(body.vertices).query(vertices)[1]
+    if prior is None:
+        prior = body.weights[cKDTree(body.vertices).query(vertices)[1]]
     points = torch.from_numpy(np.asarray(vertices, np.float32))
     edge_tensor = torch.from_numpy(edges.astype(np.int64))
     return OutfitSample(
@@ -109,7 +120,7 @@ def make_sample(name: str, vertices: NDArray[Any], triangles: NDArray[np.int32],
         rest_lengths=(points[edge_tensor[:, 0]] - points[edge_tensor[:, 1]]).norm(dim=1),
         counts=torch.from_numpy(degree.astype(np.float32)),
         mean=_sparse(mean),
-        prior=torch.from_numpy(body.weights[nearest].astype(np.float32)),
+        prior=torch.from_numpy(np.asarray(prior, np.float32)),
         body=body,
     )
 

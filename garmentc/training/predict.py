@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,43 +30,44 @@ def load_run(folder: Path) -> Checkpoint:
     return checkpoint
 
 
-def posed_by_network(
+def poser(
     network: Deepsd,
     sample: OutfitSample,
-    poses: NDArray[Any],
     *,
     metadata: NDArray[np.float32] | None = None,
     influences: int = 4,
     physics: bool = True,
-) -> NDArray[np.float32]:
-    """Posed vertices (T, N, 3) in metres, without translation, of an outfit in poses (T, 24, 3), by any variant.
+) -> Callable[[NDArray[Any]], NDArray[np.float32]]:
+    """A function from poses (T, 24, 3) to vertices (T, N, 3) in metres, without translation, whatever the variant.
 
     metadata    (metadata_width,); unknown where None
     influences  the largest so many weights of each vertex skin it
     physics     with χ
     """
-    parts = []
+    known = None if metadata is None else torch.from_numpy(metadata)
     with torch.no_grad():
-        descriptors = network.descriptors(
-            sample.vertices,
-            sample.normals,
-            sample.mean,
-            None if metadata is None else torch.from_numpy(metadata),
-        )
+        descriptors = network.descriptors(sample.vertices, sample.normals, sample.mean, known)
         weights = largest(network.blend_weights(descriptors), influences)
+        deform = network.deformer(descriptors, physics=physics)
+
+    def posed(poses: NDArray[Any]) -> NDArray[np.float32]:
+        parts = []
         for start in range(0, len(poses), _TOGETHER):
             some = poses[start : start + _TOGETHER]
             features = POSE_ENCODINGS[network.config.pose_encoding].encode(some).astype(np.float32)
-            deformations = network.deformations(descriptors, torch.from_numpy(features), physics=physics)
             transforms = torch.from_numpy(np.ascontiguousarray(sample.body.transforms(some)[:, :, :3]))
-            parts.append(skin(sample.vertices + deformations, weights, transforms).numpy())
-    return np.concatenate(parts)
+            with torch.no_grad():
+                vertices = skin(sample.vertices + deform(torch.from_numpy(features)), weights, transforms)
+            parts.append(vertices.numpy())
+        return np.concatenate(parts)
+
+    return posed
 
 
 def errors_mm(network: Deepsd, outfit: SimulatedOutfit, *, every: int = 1, physics: bool = True) -> NDArray[np.float64]:
     """Mean vertex distance to the simulation in each `every`-th frame, mm."""
     chosen = np.arange(0, len(outfit), every)
-    found = posed_by_network(network, outfit.sample, outfit.poses[chosen], metadata=outfit.metadata, physics=physics)
+    found = poser(network, outfit.sample, metadata=outfit.metadata, physics=physics)(outfit.poses[chosen])
     distance = np.linalg.norm(found.astype(np.float64) - outfit.targets(chosen), axis=-1)
     errors: NDArray[np.float64] = MM * distance.mean(axis=1)
     return errors

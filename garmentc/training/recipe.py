@@ -44,8 +44,9 @@ class DataStage(Optimisation):
     loss               "distance": mean distance in mm, what is measured in the end; "squared": mean squared, mm²
     vertices           of an outfit that are compared, drawn anew each time; 0: all
     prior_share        of the steps in which the two priors hold; each falls to a tenth in them (section 9)
-    weight_prior       on |W − W of the nearest body vertex|²
-    deformation_prior  on squared deformations, mm²
+    weight_prior       on the cross-entropy of W and the weights of the nearest body vertex; the paper's squared
+                       difference hardly moves a softmax that is sure of a wrong joint
+    deformation_prior  on squared deformations, mm²; too low, deformations learn what blend weights should
     influences         one is drawn for each outfit: skinning uses the largest so many weights, as assets do
     metadata_dropout   share of outfits whose metadata are withheld, so that the network also does without
     """
@@ -54,8 +55,8 @@ class DataStage(Optimisation):
     loss: str = "distance"
     vertices: int = 1024
     prior_share: float = 0.1
-    weight_prior: float = 10_000.0
-    deformation_prior: float = 0.01
+    weight_prior: float = 100.0
+    deformation_prior: float = 1.0
     influences: tuple[int, ...] = (4, 4, 8, 24)
     metadata_dropout: float = 0.25
 
@@ -91,6 +92,7 @@ class Recipe:
     mirror         half of the batches are left-right mirrored
     metadata       of METADATA: what the network is told about an outfit beside its mesh
     physics        None: without χ
+    rigid_outfits  shoes, hats, bands and gloves mixed in, see `garmentc.training.rigid_outfits`
     measure_every  steps between measurements on held-out outfits, which nothing depends on; 0: only at the end
     """
 
@@ -101,6 +103,7 @@ class Recipe:
     description: str = "DeePSD trained on simulated outfits."
     mirror: bool = True
     metadata: tuple[str, ...] = ()
+    rigid_outfits: int = 0
     measure_every: int = 1000
 
     def document(self) -> dict[str, Any]:

@@ -97,7 +97,7 @@ def simulated_outfit(sequence: Sequence, metadata: Ordered[str], body: BodyModel
 
 def _with_frames(outfit: SimulatedOutfit, sequence: Sequence) -> SimulatedOutfit:
     good = sequence.quality.accepted
-    moved = _compact(sequence.vertices[good] - sequence.trans[good, None])
+    moved = compact(sequence.vertices[good] - sequence.trans[good, None])
     ours = outfit.steps
     if moved.dtype != ours.dtype:
         ours, moved = (part if part.dtype == np.float32 else part * np.float32(STEP) for part in (ours, moved))
@@ -127,8 +127,11 @@ def _body(sequence: Sequence, models: Iterable[BodyModel]) -> BodyModel:
     raise GarmentcError(f"the sequence '{facts.name}' is of the body '{facts.body}'; give its model file with --body")
 
 
-def _compact(vertices: NDArray[Any]) -> NDArray[Any]:
-    """int16 multiples of STEP where they reach; the file has no more digits than that."""
+def compact(vertices: NDArray[Any]) -> NDArray[Any]:
+    """Posed vertices (T, N, 3) without translation, metres, as `SimulatedOutfit.steps`.
+
+    int16 multiples of STEP where they reach; a sequence's file has no more digits than that.
+    """
     if np.abs(vertices).max(initial=0.0) >= STEP * np.iinfo(np.int16).max:
         return vertices.astype(np.float32)
     return np.rint(vertices / STEP).astype(np.int16)
