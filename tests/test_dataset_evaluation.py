@@ -18,7 +18,7 @@ from garmentc.evaluation.dataset_evaluation import DatasetEvaluation, evaluate_d
 from garmentc.evaluation.evaluation_document import evaluation_document, evaluation_json
 from garmentc.evaluation.evaluation_markdown import evaluation_markdown
 from garmentc.evaluation.group_scores import by_category, by_garment, overall, ratios
-from garmentc.evaluation.method import MATCH, NEAREST_METHOD, Method, PosedTemplate, bundle_methods
+from garmentc.evaluation.method import MATCH, NEAREST_METHOD, Method, PosedTemplate, bundle_methods, named_methods
 from garmentc.evaluation.metrics import depth_inside, signed_distance
 from garmentc.evaluation.outfit_scores import MethodScores, OutfitScores, sample_frames, score_outfit
 from garmentc.evaluation.representative import representatives
@@ -220,6 +220,8 @@ def test_errors_by_garment_are_those_of_its_vertices(evaluation: DatasetEvaluati
 def test_ratios_compare_equal_profiles(evaluation: DatasetEvaluation) -> None:
     found = {(ratio.method, ratio.baseline): ratio for ratio in ratios(evaluation)}
     assert set(found) == {("new, web", "nearest"), ("new, web", "old, web"), ("new, reference", "nearest")}
+    unbundled = replace(evaluation, methods=(replace(evaluation.methods[1], bundle=None, profile=None),))
+    assert ratios(unbundled) == (), "nothing to compare a run with"
     assert found["new, web", "old, web"].error == pytest.approx(1 / 8)
     assert found["new, reference", "nearest"].clean_collision == pytest.approx(0.2)
 
@@ -271,6 +273,18 @@ def test_bundles_of_one_name_are_told_apart(tmp_path: Path) -> None:
     assert len(set(names)) == 2
     assert str(copy) in names[1]
     assert len(bundle_methods([None, None], ["web", "web"])) == 1
+
+
+def test_the_folder_of_a_training_run_is_a_method_too(tmp_path: Path) -> None:
+    folder = tmp_path / "without_global"
+    folder.mkdir()
+    (folder / "checkpoint.pt").write_bytes(b"not read before it is measured")
+    found = named_methods([None, folder], ["web", "network"])
+    assert [method.profile for method in found[None]] == ["web", "network"]
+    [method] = found[folder]
+    assert (method.name, method.bundle, method.profile) == ("without_global", None, None)
+    with pytest.raises(GarmentcError, match=r"manifest\.json"):
+        named_methods([tmp_path], ["web"])
 
 
 @pytest.fixture

@@ -61,7 +61,8 @@ def command(inputs: tuple[Path, ...], data: Path | None, **options: Any) -> None
     \b
     ASSET.glb... --motion FILE   vertices inside the body, stretched edges, bend
     BUNDLE... --data DIR         each of the dataset's outfits compiled, and compared with its simulation too;
-                                 the bundle that comes with garmentc where none is named
+                                 the bundle that comes with garmentc where none is named;
+                                 the folder of a training run stands for its network before all passes
 
     The word "nearest" in place of a bundle measures nothing but the skinning with the nearest body vertex.
     """
@@ -125,7 +126,7 @@ def _on_a_dataset(
     from garmentc.evaluation.evaluation_document import evaluation_document, evaluation_json
     from garmentc.evaluation.evaluation_markdown import evaluation_markdown
     from garmentc.evaluation.evaluation_picture import picture_bytes
-    from garmentc.evaluation.method import NEAREST_METHOD, bundle_methods
+    from garmentc.evaluation.method import NEAREST_METHOD, named_methods
     from garmentc.evaluation.representative import representatives
     from garmentc.output import check_outputs, written_whole
     from garmentc.simulation.dataset import open_dataset
@@ -137,9 +138,9 @@ def _on_a_dataset(
     profiles = profiles or ("reference", "web")
     own = [bundle for bundle in bundles if str(bundle) != NEAREST] if bundles else [None]
     other = [] if baseline in (NEAREST, NONE) else [Path(baseline)]
-    named = bundle_methods([*own, *other], profiles)
-    beside = tuple(method for method in named if method.bundle in other)
-    methods = tuple(method for method in named if method not in beside)
+    named = named_methods([*own, *other], profiles)
+    beside = tuple(method for folder in other for method in named[folder])
+    methods = tuple(method for folder in own for method in named[folder] if method not in beside)
     if baseline != NONE or not methods:
         methods = (NEAREST_METHOD, *methods)
     split = split or "test"

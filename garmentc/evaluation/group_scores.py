@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.evaluation.dataset_evaluation import DatasetEvaluation
+from garmentc.evaluation.method import NEAREST_METHOD
 from garmentc.evaluation.outfit_scores import MethodScores, OutfitScores
 
 PERCENTILE = 95
@@ -98,14 +99,15 @@ def by_garment(evaluation: DatasetEvaluation) -> tuple[GarmentScores, ...]:
 
 
 def ratios(evaluation: DatasetEvaluation) -> tuple[Ratio, ...]:
-    """Each bundle's method to nearest-body skinning, and to the baseline bundle compiled with the same profile."""
+    """Each method to nearest-body skinning, and to the baseline compiled with the same profile."""
     rows = {row.method: row for row in overall(evaluation)}
+    nearest = [method for method in evaluation.methods if method == NEAREST_METHOD]
     pairs = [
         (method, other)
         for method in evaluation.methods
-        for other in (*evaluation.methods, *evaluation.baseline)
-        if method.bundle is not None and method not in evaluation.baseline
-        if other.bundle is None or (other in evaluation.baseline and other.profile == method.profile)
+        if method != NEAREST_METHOD and method not in evaluation.baseline
+        for other in (*nearest, *evaluation.baseline)
+        if other == NEAREST_METHOD or other.profile == method.profile
     ]
     return tuple(
         Ratio(

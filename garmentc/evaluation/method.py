@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from garmentc.errors import GarmentcError
 from garmentc.evaluation.baselines import nearest_skinning
 from garmentc.evaluation.posed_outfit import read_outfit
-from garmentc.families.bundle import DEFAULT_BUNDLE, load_bundle
+from garmentc.families.bundle import DEFAULT_BUNDLE, MANIFEST, load_bundle
 from garmentc.mesh_file import write_mesh
 from garmentc.options import CompileOptions, ProfileName
 from garmentc.pipeline import compile_outfit, dress, infer, read_inputs
@@ -82,6 +82,31 @@ class Method:
 
 
 NEAREST_METHOD = Method(NEAREST)
+
+
+def named_methods(
+    folders: Sequence[Path | None], profiles: Sequence[MeasuredProfile]
+) -> dict[Path | None, tuple[Method, ...]]:
+    """By folder the methods of bundles, and of training runs: some variants of a network have no bundle.
+
+    Raises GarmentcError where a folder is neither.
+    """
+    runs = {folder for folder in folders if folder is not None and is_run(folder)}
+    bundles = bundle_methods([folder for folder in folders if folder not in runs], profiles)
+    methods: dict[Path | None, tuple[Method, ...]] = {}
+    for folder in folders:
+        if folder is not None and folder in runs:
+            from garmentc.training.run_method import run_method
+
+            methods[folder] = (run_method(folder),)
+        else:
+            methods[folder] = tuple(method for method in bundles if method.bundle == (folder or DEFAULT_BUNDLE))
+    return methods
+
+
+def is_run(folder: Path) -> bool:
+    """Whether a folder is that of `garmentc train`, and not a bundle."""
+    return (folder / "checkpoint.pt").is_file() and not (folder / MANIFEST).exists()
 
 
 def bundle_methods(bundles: Sequence[Path | None], profiles: Sequence[MeasuredProfile]) -> tuple[Method, ...]:
