@@ -205,7 +205,7 @@ def _facts(asset: GlbAsset) -> str:
     facts = [
         f"{sum(len(primitive.positions) for primitive in primitives):,} vertices",
         f"{sum(len(primitive.triangles) for primitive in primitives):,} triangles",
-        f"{max(mesh.morph_count for mesh in meshes)} morph targets",
+        f"{sum(mesh.morph_count for mesh in meshes)} morph targets",
         f"{asset.file_bytes / 1e6:.1f} MB",
     ]
     return "   ".join(facts)

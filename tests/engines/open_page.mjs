@@ -8,11 +8,11 @@ import {pathToFileURL} from 'node:url';
 import {chromium} from 'playwright-core';
 
 const [page, script] = process.argv.slice(2);
-const LONGEST = 150_000; // milliseconds
+const LONGEST = 300_000; // milliseconds
 const profile = fs.mkdtempSync(path.join(os.tmpdir(), 'page-'));
 const context = await chromium.launchPersistentContext(profile, {
   executablePath: process.env.CHROMIUM,
-  viewport: {width: 900, height: 640},
+  viewport: {width: 640, height: 400},
   args: [
     '--no-sandbox', '--no-first-run', '--disable-quic', '--disable-background-networking', '--disable-component-update',
     '--disable-sync', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',

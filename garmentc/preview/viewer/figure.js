@@ -78,6 +78,10 @@ export class Figure {
     this.seek(0);
   }
 
+  get moving() {
+    return this.playing || this.way !== null;
+  }
+
   play() {
     this.playing = true;
     this.seek(this.time);
