@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
-from multiprocessing import get_context
 from pathlib import Path
 
 from garmentc.errors import GarmentcError
 from garmentc.evaluation.method import Method
 from garmentc.evaluation.outfit_scores import OutfitScores, score_outfit
 from garmentc.simulation.dataset import Dataset, Entry
+from garmentc.simulation.task_runners import on_processes
 
 
 @dataclass(frozen=True)
@@ -62,12 +61,13 @@ def evaluate_dataset(
             f"has no accepted frames in the split '{split}'; choose another with --split", dataset.folder
         )
     measure = partial(_measure, dataset, tuple(dict.fromkeys((*methods, *baseline))), frames, tuple(bodies))
-    scores = []
-    for outfit in _mapped(measure, chosen, workers):
+    scores = {}
+    for outfit in map(measure, chosen) if workers == 1 else on_processes(chosen, measure, workers):
         progress(outfit.outfit)
-        scores.append(outfit)
+        scores[outfit.outfit] = outfit
+    ordered = tuple(scores[entries[0].outfit] for entries in chosen)
     return DatasetEvaluation(
-        dataset.name, dataset.sha256, dataset.complete, split, frames, tuple(methods), tuple(baseline), tuple(scores)
+        dataset.name, dataset.sha256, dataset.complete, split, frames, tuple(methods), tuple(baseline), ordered
     )
 
 
@@ -87,15 +87,3 @@ def _measure(
     entries: tuple[Entry, ...],
 ) -> OutfitScores:
     return score_outfit([dataset.sequence(entry) for entry in entries], methods, frames, bodies)
-
-
-def _mapped(
-    measure: Callable[[tuple[Entry, ...]], OutfitScores], chosen: Sequence[tuple[Entry, ...]], workers: int
-) -> Iterator[OutfitScores]:
-    """In order, whichever process is done first."""
-    if workers == 1:
-        yield from map(measure, chosen)
-        return
-    # Spawned, as forked processes would inherit the threads of numerical libraries half alive.
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(measure, chosen)
