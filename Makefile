@@ -11,7 +11,7 @@ INSTALLED      := $(VENV)/installed.stamp
 TEST_INSTALLED := $(VENV)/installed-test.stamp
 ENGINES        := tests/engines/node_modules/installed.stamp
 
-.PHONY: install demo test check bench body data clean
+.PHONY: install demo test conformance check bench body data clean
 .DEFAULT_GOAL := install
 
 install: $(INSTALLED)
@@ -42,6 +42,19 @@ demo: $(INSTALLED)
 
 test: $(TEST_INSTALLED) $(ENGINES)
 	$(BIN)/python -m pytest
+
+# Asks every engine where it puts the vertices of some ninety files, and writes docs/engines.md. Needs Chromium
+# (`CHROMIUM=` its command); Blender and Filament are installed into an environment of their own. Some five CPU minutes.
+ENGINE_PYTHON    := $(VENV)/engines/bin/python
+ENGINE_INSTALLED := $(VENV)/engines/installed.stamp
+
+$(ENGINE_INSTALLED): tests/engines/requirements.txt $(BIN)/python
+	$(BIN)/python -m venv $(VENV)/engines
+	$(ENGINE_PYTHON) -m pip install --quiet -r $<
+	touch $@
+
+conformance: $(TEST_INSTALLED) $(ENGINES) $(ENGINE_INSTALLED)
+	PYTHONPATH=tests $(BIN)/python -m conformance --python $(ENGINE_PYTHON)
 
 check: $(TEST_INSTALLED)
 	$(BIN)/ruff check .

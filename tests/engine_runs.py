@@ -52,9 +52,10 @@ def attempt(program: str, jobs: list[dict[str, Any]], folder: Path, python: Path
     (folder / "jobs.json").write_text(json.dumps(listed))
     command = [python or "node", str(ENGINES / program), str(folder / "jobs.json")]
     result = subprocess.run(command, cwd=ENGINES, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, f"{program} failed:\n{result.stderr}"
+    broken = f"{program} ended early: {result.stderr.strip()}"
     return [
-        Refused(error.read_text().strip()) if error.exists() else out for out, error in zip(outs, errors, strict=True)
+        out if out.exists() else Refused(error.read_text().strip() if error.exists() else broken)
+        for out, error in zip(outs, errors, strict=True)
     ]
 
 
@@ -109,8 +110,8 @@ def try_posed_positions(
     return [out if isinstance(out, Refused) else np.fromfile(out).reshape(len(poses), -1, 3) for out in outs]
 
 
-def first_four(rig: Rig) -> Rig:
-    """The rig with the four largest influences of each vertex: what three.js uses."""
+def first_four(rig: Rig, normalized: bool = True) -> Rig:
+    """The rig with the four largest influences of each vertex, scaled to sum to 1 as three.js does, or as they are."""
     weights = rig.weights.astype(np.float64)
     np.put_along_axis(weights, np.argsort(-weights, axis=1, kind="stable")[:, 4:], 0, axis=1)
-    return replace(rig, weights=weights / weights.sum(axis=1, keepdims=True))
+    return replace(rig, weights=weights / weights.sum(axis=1, keepdims=True) if normalized else weights)

@@ -10,7 +10,8 @@ from pathlib import Path
 import engine_runs
 import numpy as np
 import pytest
-from conformance.gowns import QUICK, TIMES, Gown, write_gowns
+from conformance.gowns import QUICK, Gown
+from conformance.subject import FLOAT, Subject, of_gowns
 from gltf_samples import corner_vertices, make_asset
 from PIL import Image
 
@@ -18,14 +19,12 @@ from garmentc.gltf.write import write_glb
 from garmentc.outfit.outfit import Material, Texture
 from garmentc.smpl.pose_sampler import sample_poses
 
-FLOAT, QUANTIZED = 2e-6, 2e-4  # metres
-
 
 @dataclass(frozen=True)
 class Moved:
-    """World positions (T, S, 3) at TIMES, by an engine that perhaps reads only four influences."""
+    """World positions (T, S, 3) of every gown, by an engine that reads so many influences."""
 
-    four_influences: bool
+    influences: int
     positions: dict[Gown, np.ndarray]
 
 
@@ -36,20 +35,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def glbs(folder: Path) -> list[Path]:
-    return write_gowns(QUICK, folder)
+def subjects(folder: Path) -> dict[Gown, Subject]:
+    return dict(zip(QUICK, of_gowns(QUICK, folder), strict=True))
 
 
 @pytest.fixture(scope="module")
-def reports(glbs: list[Path], folder: Path) -> dict[Gown, dict]:
-    return dict(zip(QUICK, engine_runs.khronos_reports(glbs, folder), strict=True))
+def reports(subjects: dict[Gown, Subject], folder: Path) -> dict[Gown, dict]:
+    glbs = [subject.glb for subject in subjects.values()]
+    return dict(zip(subjects, engine_runs.khronos_reports(glbs, folder), strict=True))
 
 
 @pytest.fixture(scope="module", params=["gltf_transform.mjs", "three_cpu.mjs", "babylon.mjs"])
-def moved(request: pytest.FixtureRequest, glbs: list[Path], folder: Path) -> Moved:
+def moved(request: pytest.FixtureRequest, subjects: dict[Gown, Subject], folder: Path) -> Moved:
     """What each engine makes of all files."""
-    found = engine_runs.animated_positions(request.param, glbs, TIMES, folder)
-    return Moved(four_influences=request.param == "three_cpu.mjs", positions=dict(zip(QUICK, found, strict=True)))
+    glbs, times = [subject.glb for subject in subjects.values()], subjects[QUICK[0]].times
+    found = engine_runs.animated_positions(request.param, glbs, times, folder)
+    return Moved(4 if request.param == "three_cpu.mjs" else 8, dict(zip(subjects, found, strict=True)))
 
 
 @pytest.mark.parametrize("gown", QUICK, ids=str)
@@ -58,11 +59,9 @@ def test_the_khronos_validator_is_content(reports: dict[Gown, dict], gown: Gown)
 
 
 @pytest.mark.parametrize("gown", QUICK, ids=str)
-def test_an_engine_moves_every_vertex_as_the_rig_does(moved: Moved, gown: Gown) -> None:
-    rig = gown.asset().rig
-    expected = gown.expected(engine_runs.first_four(rig) if moved.four_influences and gown.influences > 4 else rig)
-    tolerance = QUANTIZED if gown.quantize else FLOAT
-    np.testing.assert_allclose(moved.positions[gown], expected, atol=tolerance, rtol=0)
+def test_an_engine_moves_every_vertex_as_the_rig_does(moved: Moved, subjects: dict[Gown, Subject], gown: Gown) -> None:
+    expected = subjects[gown].positions(moved.influences)
+    np.testing.assert_allclose(moved.positions[gown], expected, atol=subjects[gown].tolerance, rtol=0)
 
 
 def test_three_drives_the_pose_keys_as_the_document_says(folder: Path) -> None:

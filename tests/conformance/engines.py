@@ -25,7 +25,7 @@ class Engine:
     influences  how many joints per vertex it reads
     package     whose version the tables give, in npm or pip
     in_python   whether the program runs in the engines' own Python
-    refuses     words in the error of a file that it is known to refuse
+    refuses     words in its error for files that it is known to refuse, and what to say instead
     """
 
     name: str
@@ -33,7 +33,7 @@ class Engine:
     influences: int
     package: str
     in_python: bool = False
-    refuses: str | None = None
+    refuses: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ GLTF_TRANSFORM = Engine("glTF-Transform", "gltf_transform.mjs", 8, "@gltf-transf
 THREE_CPU = Engine("three.js CPU", "three_cpu.mjs", 4, "three")
 THREE_GPU = Engine("three.js GPU", "chromium.mjs", 4, "three")
 BABYLON = Engine("Babylon.js", "babylon.mjs", 8, "@babylonjs/core")
-BLENDER = Engine("Blender", "blender.py", 8, "bpy", in_python=True, refuses="EXT_meshopt_compression is not available")
+BLENDER = Engine("Blender", "blender.py", 8, "bpy", True, ("EXT_meshopt_compression is not available", "no meshopt"))
 FILAMENT = Engine("Filament", "filament.py", 4, "filly", in_python=True)
 MEASURED = (GLTF_TRANSFORM, THREE_CPU, THREE_GPU, BABYLON, BLENDER)
 
@@ -65,7 +65,12 @@ def version(engine: Engine, python: Path) -> str:
     if engine.in_python:
         command = [python, "-c", f"import importlib.metadata as m; print(m.version({engine.package!r}))"]
         return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip() or "–"
-    found: str = json.loads((ENGINES / "node_modules" / engine.package / "package.json").read_text())["version"]
+    return npm_version(engine.package)
+
+
+def npm_version(package: str) -> str:
+    """Of an installed npm package."""
+    found: str = json.loads((ENGINES / "node_modules" / package / "package.json").read_text())["version"]
     return found
 
 
@@ -82,7 +87,7 @@ def try_engine(engine: Engine, subjects: list[Subject], folder: Path, python: Pa
     """The largest coordinate by which any vertex is off at any of the times, for each file."""
     jobs = [{"glb": str(subject.glb), "times": subject.times} for subject in subjects]
     return [
-        _moved(engine, each, out) for each, out in zip(subjects, _attempt(engine, jobs, folder, python), strict=True)
+        _moved(engine, each, out) for each, out in zip(subjects, attempt(engine, jobs, folder, python), strict=True)
     ]
 
 
@@ -99,23 +104,29 @@ def _moved(engine: Engine, subject: Subject, out: Path | Refused) -> Cell:
 
 
 def try_filament(subjects: list[Subject], folder: Path, python: Path) -> list[Cell]:
-    """By how many pixels the drawn outline is off, for each file."""
-    views = [view_of(subject.positions(4)[PICTURED_FRAME]) for subject in subjects]
+    """By how many pixels the drawn outline is off, for each file.
+
+    Filament brings the sum of weights to 1 only where they are floats; what it leaves out of quantized ones is missing.
+    """
+    shown = [subject.positions(4, normalized=not subject.quantized)[PICTURED_FRAME] for subject in subjects]
+    views = [view_of(points) for points in shown]
     jobs = [
         {"glb": str(subject.glb), "time": subject.times[PICTURED_FRAME], "view": view.as_job()}
         for subject, view in zip(subjects, views, strict=True)
     ]
     cells = []
-    for subject, view, out in zip(subjects, views, _attempt(FILAMENT, jobs, folder, python), strict=True):
+    outs = attempt(FILAMENT, jobs, folder, python)
+    for subject, points, view, out in zip(subjects, shown, views, outs, strict=True):
         if isinstance(out, Refused):
             cells.append(_refusal(FILAMENT, out, 2))
             continue
-        expected = silhouette(subject.positions(4)[PICTURED_FRAME], subject.triangles, view)
+        expected = silhouette(points, subject.triangles, view)
         cells.append(Cell(pixels_apart(drawn(out), expected), 2))
     return cells
 
 
-def _attempt(engine: Engine, jobs: list[dict], folder: Path, python: Path) -> list[Path | Refused]:
+def attempt(engine: Engine, jobs: list[dict], folder: Path, python: Path) -> list[Path | Refused]:
+    """What the engine writes for each job, or why it does not."""
     absent = missing(engine, python)
     if absent is not None:
         return [Refused(absent)] * len(jobs)
@@ -123,5 +134,6 @@ def _attempt(engine: Engine, jobs: list[dict], folder: Path, python: Path) -> li
 
 
 def _refusal(engine: Engine, refused: Refused, allowed: float) -> Cell:
-    known = "not installed" in refused.reason or (engine.refuses is not None and engine.refuses in refused.reason)
-    return Cell(None, allowed, refused.reason.splitlines()[-1], known)
+    if engine.refuses is not None and engine.refuses[0] in refused.reason:
+        return Cell(None, allowed, engine.refuses[1])
+    return Cell(None, allowed, refused.reason.splitlines()[-1], known="not installed" in refused.reason)

@@ -8,17 +8,10 @@ from functools import cache
 from itertools import product
 from pathlib import Path
 
-import engine_runs
-import numpy as np
-from gltf_samples import corner_vertices, make_asset
+from gltf_samples import make_asset
 
 from garmentc.gltf.asset import Asset
 from garmentc.gltf.write import write_glb
-from garmentc.rig import Rig
-
-FRAMES = [0, 7, 17, 29]
-FPS = 30
-TIMES = [float(np.float32(frame / FPS)) for frame in FRAMES]
 
 
 @dataclass(frozen=True)
@@ -32,28 +25,28 @@ class Gown:
     meshopt: bool = False
     parts: int = 2
     normals: bool = True
+    columns: int = 24
+    rows: int = 20
 
     def __str__(self) -> str:
         words = ["sparse" if self.sparse else "dense", "quantized" if self.quantize else "float"]
         words += ["meshopt"] if self.meshopt else []
         words += [f"{self.parts}parts"] if self.parts != 2 else []
         words += [] if self.normals else ["nonormals"]
+        words += [f"{self.columns}x{self.rows}"] if (self.columns, self.rows) != (24, 20) else []
         return f"{self.influences}-{self.morphs}-" + "-".join(words)
 
     def asset(self) -> Asset:
         """What is written; its rig is in float."""
         return _asset(self)
 
-    def expected(self, rig: Rig) -> np.ndarray:
-        """Where `rig`, perhaps another than the asset's, puts the file's vertices at TIMES: (T, S, 3), float64."""
-        motion = self.asset().clips[0].motion
-        return rig.posed(motion.poses[FRAMES], motion.trans[FRAMES])[:, corner_vertices(self.asset())]
-
 
 @cache
 def _asset(gown: Gown) -> Asset:
-    options = {"sparse": gown.sparse, "quantize": gown.quantize, "key_tolerance": 0}
-    return make_asset(gown.morphs, gown.influences, gown.parts, gown.normals, **options)
+    options = {"sparse": gown.sparse, "quantize": gown.quantize, "meshopt": gown.meshopt, "key_tolerance": 0}
+    return make_asset(
+        gown.morphs, gown.influences, gown.parts, gown.normals, columns=gown.columns, rows=gown.rows, **options
+    )
 
 
 QUICK = [
@@ -84,8 +77,4 @@ def write_gowns(gowns: Sequence[Gown], folder: Path) -> list[Path]:
     paths = [folder / f"{gown}.glb" for gown in gowns]
     for gown, path in zip(gowns, paths, strict=True):
         write_glb(gown.asset(), path)
-    packed = [path for gown, path in zip(gowns, paths, strict=True) if gown.meshopt]
-    jobs = [{"glb": str(path), "steps": ["dense", "compress"]} for path in packed]
-    for path, out in zip(packed, engine_runs.run("rewrite_gltf_transform.mjs", jobs, folder), strict=True):
-        out.replace(path)
     return paths

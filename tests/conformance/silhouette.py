@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image
 from scipy.ndimage import distance_transform_edt
-
-_SUPERSAMPLING = 4
 
 
 @dataclass(frozen=True)
@@ -63,13 +61,23 @@ def view_of(points: np.ndarray, angle: float = 0.35, **other: Any) -> View:
 
 
 def silhouette(points: np.ndarray, triangles: np.ndarray, view: View) -> np.ndarray:
-    """(height, width) bool: the pixels whose centre a triangle covers."""
-    image = Image.new("1", (view.width * _SUPERSAMPLING, view.height * _SUPERSAMPLING))
-    draw = ImageDraw.Draw(image)
-    for corners in (view.project(points) * _SUPERSAMPLING)[triangles]:
-        draw.polygon([tuple(corner) for corner in corners], fill=1)
-    half = _SUPERSAMPLING // 2
-    return np.array(image)[half::_SUPERSAMPLING, half::_SUPERSAMPLING]
+    """(height, width) bool: the pixels whose centre lies in a triangle, as GPUs decide it."""
+    covered = np.zeros((view.height, view.width), dtype=bool)
+    corners = view.project(points)[triangles]
+    size = (view.width, view.height)
+    low = np.clip(np.ceil(corners.min(axis=1) - 0.5), 0, size).astype(int)
+    high = np.clip(np.floor(corners.max(axis=1) + 0.5), 0, size).astype(int)
+    seen = (high > low).all(axis=1)
+    for (a, b, c), (left, top), (right, bottom) in zip(corners[seen], low[seen], high[seen], strict=True):
+        x, y = np.arange(left, right) + 0.5, np.arange(top, bottom)[:, None] + 0.5
+        sides = np.stack([_side(a, b, x, y), _side(b, c, x, y), _side(c, a, x, y)])
+        covered[top:bottom, left:right] |= (sides >= 0).all(axis=0) | (sides <= 0).all(axis=0)
+    return covered
+
+
+def _side(start: np.ndarray, end: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Positive on one side of the line, negative on the other."""
+    return (end[0] - start[0]) * (y - start[1]) - (end[1] - start[1]) * (x - start[0])
 
 
 def drawn(picture: Path) -> np.ndarray:

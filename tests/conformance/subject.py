@@ -11,13 +11,14 @@ import numpy as np
 from compiled import Compiled
 from gltf_samples import corner_vertices
 
-from conformance.gowns import FRAMES, Gown, write_gowns
+from conformance.gowns import Gown, write_gowns
 from garmentc.outfit.corners import CornerPrimitive
 from garmentc.rig import Rig
 from garmentc.smpl.motion import Motion
 
 FLOAT, QUANTIZED = 2e-6, 2e-4  # metres
 
+GOWN_FRAMES = [0, 7, 17, 29]
 GOWN_COLUMNS = ("influences", "morphs", "stored", "numbers", "packed", "materials", "normals", "vertices")
 
 
@@ -55,13 +56,15 @@ class Subject:
         """Seconds, of `frames`, as a file has them."""
         return [float(np.float32(frame / self.motion.fps)) for frame in self.frames]
 
-    def positions(self, influences: int = 8) -> np.ndarray:
-        """(T, S, 3) metres at `times`, in an engine that reads so many influences."""
-        return self.posed(self.motion.poses[self.frames], self.motion.trans[self.frames], influences)
+    def positions(self, influences: int = 8, normalized: bool = True) -> np.ndarray:
+        """(T, S, 3) metres at `times`, in an engine that reads so many influences and brings their sum to 1, or not."""
+        return self.posed(self.motion.poses[self.frames], self.motion.trans[self.frames], influences, normalized)
 
-    def posed(self, poses: np.ndarray, translations: np.ndarray, influences: int = 8) -> np.ndarray:
+    def posed(
+        self, poses: np.ndarray, translations: np.ndarray, influences: int = 8, normalized: bool = True
+    ) -> np.ndarray:
         """(P, S, 3) metres in poses (P, 24, 3) with root translations (P, 3)."""
-        rig = engine_runs.first_four(self.rig) if influences < self.influences else self.rig
+        rig = engine_runs.first_four(self.rig, normalized) if influences < self.influences else self.rig
         return rig.posed(poses, translations)[:, self.vertices]
 
 
@@ -85,7 +88,7 @@ def _of_gown(gown: Gown, glb: Path) -> Subject:
     )
     triangles = _triangles(asset.primitives)
     motion = asset.clips[0].motion
-    return Subject(labels, glb, asset.rig, vertices, triangles, motion, FRAMES, gown.influences, gown.quantize)
+    return Subject(labels, glb, asset.rig, vertices, triangles, motion, GOWN_FRAMES, gown.influences, gown.quantize)
 
 
 def of_compiled(compiled: Compiled, labels: tuple[str, ...], glb: Path, frames: list[int]) -> Subject:

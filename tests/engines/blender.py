@@ -83,7 +83,8 @@ def draw(view: dict[str, Any], time: float, out: str) -> None:
     for each in (scene.camera, lamp):
         scene.collection.objects.link(each)
     scene.world = bpy.data.worlds.new("world")
-    scene.world.color = (0.8, 0.8, 0.8)
+    scene.world.use_nodes = True
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.6, 0.6, 0.6, 1)
     scene.render.engine = "CYCLES"
     scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.max_bounces = 24, False, 2
     scene.render.threads_mode, scene.render.threads = "FIXED", 1

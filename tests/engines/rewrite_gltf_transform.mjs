@@ -1,7 +1,7 @@
 // Reads every file with glTF-Transform, does `steps` to it, and writes it again.
 
 import {NodeIO} from '@gltf-transform/core';
-import {ALL_EXTENSIONS, EXTMeshoptCompression} from '@gltf-transform/extensions';
+import {ALL_EXTENSIONS} from '@gltf-transform/extensions';
 import {dedup, flatten, meshopt, prune, resample, sparse, weld} from '@gltf-transform/functions';
 import fs from 'node:fs';
 import {MeshoptDecoder, MeshoptEncoder} from 'meshoptimizer';
@@ -17,12 +17,7 @@ const STEPS = {
   meshopt: meshopt({encoder: MeshoptEncoder}), // reorders and quantizes before it compresses
   prune: prune(),
   resample: resample(),
-  sparse: sparse(),
   weld: weld(),
-  /** EXT_meshopt_compression and nothing else: every number stays as it is. */
-  compress: document => document.createExtension(EXTMeshoptCompression).setRequired(true).setEncoderOptions({
-    method: EXTMeshoptCompression.EncoderMethod.QUANTIZE,
-  }),
 };
 
 await eachJob(async ({glb, out, steps}) => {

@@ -81,9 +81,10 @@ function cameraOf({position, target, fov, width, height}) {
 async function picture(loaded, view) {
   renderer.setSize(view.width, view.height);
   renderer.setClearColor(0, 0);
-  renderer.toneMapping = THREE.NeutralToneMapping;
-  const scene = new THREE.Scene().add(loaded, new THREE.HemisphereLight(0xffffff, 0x8d8d8d, 2));
-  const sun = new THREE.DirectionalLight(0xffffff, 2.5);
+  const sky = new THREE.Scene(), scene = new THREE.Scene().add(loaded);
+  sky.background = new THREE.Color(0.6, 0.6, 0.6);
+  scene.environment = new THREE.PMREMGenerator(renderer).fromScene(sky).texture;
+  const sun = new THREE.DirectionalLight(0xffffff, 2);
   sun.position.set(...view.sun);
   scene.add(sun);
   renderer.render(scene, cameraOf(view));
