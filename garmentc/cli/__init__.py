@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from importlib import import_module
-from types import FrameType
 
 import click
 
 from garmentc import __version__
 from garmentc.cli.exit_codes import EXIT_CLEAN, EXIT_FAILURE
+from garmentc.cli.interruption import Interrupted, interruptible
 from garmentc.cli.printing import print_error
 from garmentc.errors import GarmentcError
 
@@ -60,38 +58,14 @@ def commands() -> None:
     """
 
 
-class Interrupted(BaseException):
-    """Ctrl-C or a polite kill: unwinds the stack, so that half-written files are removed."""
-
-    def __init__(self, signal_number: int) -> None:
-        super().__init__(signal_number)
-        self.exit_code = 128 + signal_number
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """Within, SIGINT and SIGTERM raise Interrupted, unless they are ignored."""
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        raise Interrupted(number)
-
-    numbers = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) != signal.SIG_IGN]
-    former = [signal.signal(number, interrupt) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, former, strict=True):
-            signal.signal(number, handler)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code. Nothing that a user can cause ends in a traceback."""
     try:
-        with _interruptible():
+        with interruptible():
             result = commands.main(args=arguments, prog_name="garmentc", standalone_mode=False)
             sys.stdout.flush()
     except Interrupted as interruption:
-        print_error("interrupted; no output file was changed")
+        print_error(interruption.message)
         return interruption.exit_code
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)

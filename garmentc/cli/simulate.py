@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from garmentc.cli.interruption import resumable
 from garmentc.cli.parameters import PATH
 from garmentc.cli.printing import file_size, table
 from garmentc.errors import GarmentcError
@@ -96,7 +97,7 @@ def _simulate(plan: Plan, out: Path, workers: int, scheduler: str | None, quiet:
     import_newton()  # says what to install before any work is done
     if workers > 1 and scheduler is None:
         warm_up()
-    with _progress(sum(1 for _ in plan.tasks), quiet) as show:
+    with resumable(), _progress(sum(1 for _ in plan.tasks), quiet) as show:
         return run_plan(plan, out, simulate_task, Runner(workers, scheduler), show)
 
 

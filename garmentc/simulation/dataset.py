@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -139,14 +140,21 @@ def make_folders(folder: Path) -> None:
     for path in (folder, folder / SEQUENCES, folder / REJECTED):
         try:
             path.mkdir(parents=True, exist_ok=True)
+        except FileExistsError:
+            raise GarmentcError("is a file, and a dataset is a folder; name another place", path) from None
         except OSError as error:
             raise cannot_write(path, error) from error
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Write `path` whole or not at all. Raises GarmentcError where it cannot be written."""
+    """Write `path` whole or not at all. Raises GarmentcError where it cannot be written.
+
+    The bytes are on the disk before the file gets its name: after a power cut, a file that is there is whole.
+    """
     with written_whole(path) as file:
         file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def make_entry(folder: Path, name: str, split: str) -> Entry:
