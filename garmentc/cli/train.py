@@ -37,6 +37,7 @@ def command() -> None:
 )
 @click.option("--time-limit", type=click.FloatRange(min=0), metavar="MINUTES", help="Stop cleanly, save, go on later.")
 @click.option("--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Of each process.")
+@click.option("--device", type=click.Choice(["cpu", "cuda"]), default="cpu", show_default=True, help="To compute on.")
 @click.option("--measure", default="test", show_default=True, metavar="SPLIT", help="Held-out outfits for the log.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 def deepsd(
@@ -46,6 +47,7 @@ def deepsd(
     bodies: tuple[Path, ...],
     time_limit: float | None,
     threads: int,
+    device: str,
     measure: str,
     quiet: bool,
 ) -> None:
@@ -61,7 +63,8 @@ def deepsd(
     from garmentc.training.workers import joined
 
     recipe = read_recipe(_config_file(config))
-    with joined() as workers:
+    _check_device(device)
+    with joined(device == "cuda") as workers:
         show = _shown(workers, quiet)
         trained = _train(recipe, data, out, bodies, time_limit, threads, measure, workers, show)
         if workers.leads:
@@ -147,6 +150,13 @@ def _check_fabric(checkpoint: Checkpoint, fabric: str | None) -> None:
 def _require_torch() -> None:
     if find_spec("torch") is None:
         raise GarmentcError("training needs PyTorch; install it with: pip install 'garmentc[train]'")
+
+
+def _check_device(device: str) -> None:
+    import torch
+
+    if device == "cuda" and not torch.cuda.is_available():
+        raise GarmentcError("PyTorch finds no CUDA device; leave --device out to train on the CPU")
 
 
 def _config_file(config: str) -> Path:

@@ -67,7 +67,7 @@ def read_checkpoint(folder: Path) -> Checkpoint | None:
     if not path.exists():
         return None
     try:
-        saved = torch.load(path, weights_only=True)
+        saved = torch.load(path, map_location="cpu", weights_only=True)
         recipe = recipe_of(json.loads(saved["recipe"]))
         progress = Progress(**saved["progress"])
         return Checkpoint(recipe, DataFacts(**saved["data"]), saved["network"], saved["optimizer"], progress)

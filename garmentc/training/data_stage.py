@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from garmentc.training.batch_plan import Batch, BatchPlan
@@ -58,17 +60,22 @@ class DataLearning:
             sample, poses, targets = mirrored_sample(sample), mirrored_poses(poses), mirrored_vertices(targets)
             transforms = mirrored_transforms(transforms)
         withheld = rng.random() < settings.metadata_dropout
-        metadata = None if withheld else torch.from_numpy(outfit.metadata)
+        device = sample.vertices.device
+
+        def tensor(array: NDArray[Any]) -> Tensor:
+            return torch.from_numpy(array).to(device)
+
+        metadata = None if withheld else tensor(outfit.metadata)
         influences = int(rng.choice(settings.influences))
 
-        chosen = torch.arange(len(sample.vertices)) if rows is None else torch.from_numpy(rows)
+        chosen = tensor(np.arange(len(sample.vertices)) if rows is None else rows)
         descriptors = network.descriptors(sample.vertices, sample.normals, sample.mean, metadata, chosen)
         logarithms = torch.log_softmax(network.weight_logits(descriptors), dim=1)
         weights = logarithms.exp()
         features = POSE_ENCODINGS[network.config.pose_encoding].encode(poses).astype(np.float32)
-        deformations = network.deformations(descriptors, torch.from_numpy(features), physics=False)
-        posed = skin(sample.vertices[chosen] + deformations, largest(weights, influences), torch.from_numpy(transforms))
-        distance = (posed - torch.from_numpy(targets)) * MM
+        deformations = network.deformations(descriptors, tensor(features), physics=False)
+        posed = skin(sample.vertices[chosen] + deformations, largest(weights, influences), tensor(transforms))
+        distance = (posed - tensor(targets)) * MM
         terms = {
             "distance": (distance.square().sum(dim=-1) + 1e-6).sqrt().mean(),
             "squared": distance.square().sum(dim=-1).mean(),

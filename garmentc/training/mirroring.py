@@ -35,11 +35,11 @@ def mirrored_transforms(transforms: NDArray[Any]) -> NDArray[Any]:
 
 def mirrored_sample(sample: OutfitSample) -> OutfitSample:
     """The outfit mirrored; its triangles turn round, and still face outwards. `body` is left as it is."""
-    flip = torch.from_numpy(_FLIP)
+    flip = torch.from_numpy(_FLIP).to(sample.vertices.device)
     return replace(
         sample,
         vertices=sample.vertices * flip,
         normals=sample.normals * flip,
         triangles=sample.triangles.flip(1),
-        prior=sample.prior[:, torch.from_numpy(MIRROR)],
+        prior=sample.prior[:, torch.from_numpy(MIRROR).to(sample.prior.device)],
     )

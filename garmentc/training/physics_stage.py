@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from garmentc.training.batch_plan import Batch, BatchPlan
@@ -82,23 +84,24 @@ class PhysicsLearning:
             poses, transforms = mirrored_poses(poses), mirrored_transforms(transforms)
         rest = mirrored_sample(sample).vertices if mirror else sample.vertices
 
+        def tensor(array: NDArray[Any]) -> Tensor:
+            return torch.from_numpy(array).to(rest.device)
+
         features = POSE_ENCODINGS[network.config.pose_encoding].encode(poses).astype(np.float32)
         with torch.no_grad():
-            keys = network.pose_keys(torch.from_numpy(features))
+            keys = network.pose_keys(tensor(features))
             learned = combined(keys, frozen.shapes)
         deformations = combined(keys, network.blend_shapes(frozen.descriptors, data=False))
         weights = largest(frozen.weights, influences)
-        vertices = skin(rest + learned + deformations, weights, torch.from_numpy(transforms))
+        vertices = skin(rest + learned + deformations, weights, tensor(transforms))
         if mirror:  # back to where the bodies are
             vertices = vertices * vertices.new_tensor([-1.0, 1.0, 1.0])
 
-        points, normals = bodies.nearest(batch.poses, vertices.detach().numpy(), surface=settings.surface)
+        points, normals = bodies.nearest(batch.poses, vertices.detach().cpu().numpy(), surface=settings.surface)
         terms = {
             "edge": edge_loss(edge_lengths(vertices, sample.edges), sample.rest_lengths),
             "bend": bend_loss(vertex_normals(vertices, sample.triangles), sample.edges, sample.counts),
-            "collision": collision_loss(
-                vertices, torch.from_numpy(points), torch.from_numpy(normals), settings.epsilon
-            ),
+            "collision": collision_loss(vertices, tensor(points), tensor(normals), settings.epsilon),
             "deformation": (deformations * MM).square().sum(dim=-1).mean(),
         }
         total = (
@@ -115,7 +118,7 @@ class PhysicsLearning:
             outfit, network = self.outfits[index], self.network
             sample = mirrored_sample(outfit.sample) if mirror else outfit.sample
             with torch.no_grad():
-                metadata = torch.from_numpy(outfit.metadata)
+                metadata = torch.from_numpy(outfit.metadata).to(sample.vertices.device)
                 descriptors = network.descriptors(sample.vertices, sample.normals, sample.mean, metadata)
                 shapes = network.blend_shapes(descriptors, physics=False)
                 self._frozen[index, mirror] = _Frozen(descriptors, network.blend_weights(descriptors), shapes)

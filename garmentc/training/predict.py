@@ -44,7 +44,9 @@ def poser(
     influences  the largest so many weights of each vertex skin it
     physics     with χ
     """
-    known = None if metadata is None else torch.from_numpy(metadata)
+    device = next(network.parameters()).device
+    sample = sample.to(device)
+    known = None if metadata is None else torch.from_numpy(metadata).to(device)
     with torch.no_grad():
         descriptors = network.descriptors(sample.vertices, sample.normals, sample.mean, known)
         weights = largest(network.blend_weights(descriptors), influences)
@@ -55,10 +57,10 @@ def poser(
         for start in range(0, len(poses), _TOGETHER):
             some = poses[start : start + _TOGETHER]
             features = POSE_ENCODINGS[network.config.pose_encoding].encode(some).astype(np.float32)
-            transforms = torch.from_numpy(np.ascontiguousarray(sample.body.transforms(some)[:, :, :3]))
+            transforms = torch.from_numpy(np.ascontiguousarray(sample.body.transforms(some)[:, :, :3])).to(device)
             with torch.no_grad():
-                vertices = skin(sample.vertices + deform(torch.from_numpy(features)), weights, transforms)
-            parts.append(vertices.numpy())
+                vertices = skin(sample.vertices + deform(torch.from_numpy(features).to(device)), weights, transforms)
+            parts.append(vertices.cpu().numpy())
         return np.concatenate(parts)
 
     return posed

@@ -110,7 +110,7 @@ def run_stage(
             total, parts = stage.losses(batch, done)
             (total / len(batches)).backward()  # type: ignore[no-untyped-call]
             for name, value in {"loss": total, **parts}.items():
-                sums[name] = sums.get(name, torch.zeros(())) + value.detach() / len(batches)
+                sums[name] = sums.get(name, torch.zeros(())) + value.detach().cpu() / len(batches)
         workers.sum_gradients(parameters)
         gradient = float(nn.utils.clip_grad_norm_(parameters, settings.clip))
         optimizer.step()

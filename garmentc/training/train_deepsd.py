@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -69,14 +69,15 @@ def train(
     ends_at = time.monotonic() + (float("inf") if time_limit is None else time_limit)
     folder.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(recipe.seed)
-    network = Deepsd(recipe.network)
+    network = Deepsd(recipe.network).to(workers.device)  # drawn on the CPU: the same on every device
     progress, optimizer_state = Progress(), None
     checkpoint = workers.from_leader(read_checkpoint(folder) if workers.leads else None)
     if checkpoint is not None:
         check_same_run(checkpoint, recipe, data, folder)
         network.load_state_dict(checkpoint.network)
         progress, optimizer_state = checkpoint.progress, checkpoint.optimizer
-    stages = _stages(network, recipe, tuple(outfits))
+    there = tuple(replace(outfit, sample=outfit.sample.to(workers.device)) for outfit in outfits)
+    stages = _stages(network, recipe, there)
     progress.seconds += [0.0] * (len(stages) - len(progress.seconds))
     log = None
     if workers.leads:

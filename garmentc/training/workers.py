@@ -17,14 +17,16 @@ import torch.distributed as distributed
 from torch import Tensor, nn
 
 _T = TypeVar("_T")
+_CPU = torch.device("cpu")
 
 
 @dataclass(frozen=True)
 class Workers:
-    """This process, number `rank` of `count`."""
+    """This process, number `rank` of `count`, and what it computes on."""
 
     rank: int = 0
     count: int = 1
+    device: torch.device = _CPU
 
     @property
     def leads(self) -> bool:
@@ -66,13 +68,20 @@ class Workers:
 
 
 @contextmanager
-def joined() -> Iterator[Workers]:
-    """The group that torchrun started this process in; alone where it did not."""
+def joined(cuda: bool = False) -> Iterator[Workers]:
+    """The group that torchrun started this process in; alone where it did not.
+
+    cuda  compute on CUDA devices, each process of a machine on its own
+    """
+    device = _CPU
+    if cuda:
+        device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0")))
+        torch.cuda.set_device(device)
     if int(os.environ.get("WORLD_SIZE", "1")) == 1:
-        yield Workers()
+        yield Workers(device=device)
         return
-    distributed.init_process_group("gloo")
+    distributed.init_process_group("cpu:gloo,cuda:nccl" if cuda else "gloo")
     try:
-        yield Workers(distributed.get_rank(), distributed.get_world_size())
+        yield Workers(distributed.get_rank(), distributed.get_world_size(), device)
     finally:
         distributed.destroy_process_group()
