@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from garmentc.preview.camera import Camera, around, looking
 from garmentc.preview.raster import depth_range
 
-AMBIENT, LAMP = 0.55, 0.85
+AMBIENT, LAMP = 0.6, 0.95
 """Brightness of a white surface that faces up to the open sky, and of one that faces the lamp."""
 
 _SKY, _GROUND = 1.0, 0.5

@@ -31,7 +31,7 @@ VIEWS = {"front": 0.0, "side": 90.0, "back": 180.0, "quarter": 35.0, "left": 90.
 """Degrees that the view is turned from the body's front, to its left."""
 
 _PITCH = np.radians(8.0)
-_MARGIN = 1.08
+_MARGIN, _WIDEST = 1.1, 2.0
 _INK, _FAINT = (45, 48, 54), (120, 124, 132)
 _PAPER = tuple(round(255 * value) for value in BACKGROUND)
 
@@ -42,7 +42,7 @@ class SheetOptions:
 
     frames      moments, side by side
     views       names in VIEWS, one below the other
-    height      pixels of one picture; it is three quarters as wide
+    height      pixels of one picture; it is as wide as it needs to be
     animation   name or number; the first by default
     collisions  colour the cloth by its depth inside the body
     """
@@ -88,14 +88,14 @@ def write_sheet(
     if options.collisions and body is None:
         raise GarmentcError("collisions need the body; give --body or --gender, and no --no-body", asset.path)
     columns = _columns(asset, body, betas, options)
-    cell = (round(options.height * 0.75), options.height)
+    cameras = _framed(columns, options.views, options.height)
     pictures = []
     for number, column in enumerate(columns):
         lit = light_scene(column.scene)
-        for row, camera in enumerate(_cameras(columns, column, options.views, cell)):
+        for row, camera in enumerate(cameras[number]):
             pictures.append(render(lit, camera))
             progress((number + (row + 1) / len(options.views)) / len(columns))
-    sheet = _laid_out(asset, columns, pictures, cell, options)
+    sheet = _laid_out(asset, columns, pictures, options)
     with written_whole(path) as file:
         file.write(sheet[0])
     return sheet[1]
@@ -124,31 +124,39 @@ def _columns(
     return columns
 
 
-def _cameras(columns: Sequence[_Column], column: _Column, views: Sequence[str], cell: tuple[int, int]) -> list[Camera]:
-    """One scale for the whole sheet, and the floor (or else the lowest point) as high in every picture."""
-    width = depth = height = 0.0
-    for other in columns:
-        extent = np.ptp(other.scene.positions, axis=0)
-        width = max(width, float(np.hypot(extent[0], extent[2]) if "quarter" in views else max(extent[0], extent[2])))
-        depth = max(depth, float(max(extent[0], extent[2])))
-        height = max(height, float(other.scene.positions[:, 1].max()) - _ground(other.scene))
-    tall = height * np.cos(_PITCH) + depth * np.sin(_PITCH)
-    scale = min(cell[0] / (width * _MARGIN), cell[1] / (tall * _MARGIN))
-    own = column.scene.positions
-    middle = (own.min(axis=0) + own.max(axis=0)) / 2
-    middle[1] = _ground(column.scene) + height / 2
-    return [Camera(view_axes(column.heading, np.radians(VIEWS[view]), _PITCH), middle, scale, cell) for view in views]
+def _framed(columns: Sequence[_Column], views: Sequence[str], height: int) -> list[list[Camera]]:
+    """Cameras by column and view: one scale for the whole sheet, the floor at the same height in every picture."""
+    axes = [[view_axes(column.heading, np.radians(VIEWS[view]), _PITCH) for view in views] for column in columns]
+    middles = [_middle(column.scene) for column in columns]
+    seen = [
+        (column.scene.positions - middle) @ axis[:2].T
+        for column, middle, row in zip(columns, middles, axes, strict=True)
+        for axis in row
+    ]
+    half = max(float(np.abs(places[:, 0]).max()) for places in seen)
+    top = min(float(places[:, 1].min()) for places in seen)
+    bottom = max(float(places[:, 1].max()) for places in seen)
+    tall, wide = max(bottom - top, 1e-3) * _MARGIN, 2 * half + (_MARGIN - 1) * (bottom - top)
+    size = (max(round(height * min(wide / tall, _WIDEST)), 16), height)
+    scale = min(size[1] / tall, size[0] / wide)
+    return [
+        [Camera(axis, middle + axis[1] * (top + bottom) / 2, scale, size) for axis in row]
+        for middle, row in zip(middles, axes, strict=True)
+    ]
 
 
-def _ground(scene: Scene) -> float:
-    return float(scene.positions[:, 1].min()) if scene.floor is None else scene.floor
+def _middle(scene: Scene) -> NDArray[np.float64]:
+    """The middle of the scene, on the floor or else at the lowest point."""
+    low, high = scene.positions.min(axis=0), scene.positions.max(axis=0)
+    middle: NDArray[np.float64] = (low + high) / 2
+    middle[1] = low[1] if scene.floor is None else scene.floor
+    return middle
 
 
 def _laid_out(
     asset: GlbAsset,
     columns: Sequence[_Column],
     pictures: Sequence[NDArray[np.uint8]],
-    cell: tuple[int, int],
     options: SheetOptions,
 ) -> tuple[bytes, tuple[int, int]]:
     """The PNG, and its size: a title, columns of moments, rows of views, captions below."""
@@ -157,7 +165,7 @@ def _laid_out(
     text = max(11, options.height // 30)
     line = round(1.9 * text)
     large, small = ImageFont.load_default(round(1.25 * text)), ImageFont.load_default(text)
-    rows = len(options.views)
+    rows, cell = len(options.views), pictures[0].shape[1::-1]
     below = line if options.collisions else 0
     head = 2 * line
     size = (cell[0] * len(columns), head + cell[1] * rows + below + (line if options.collisions else 0))

@@ -12,7 +12,7 @@ const GROUPS = {
   'Left leg': ['left_hip', 'left_knee', 'left_ankle', 'left_foot'],
   'Right leg': ['right_hip', 'right_knee', 'right_ankle', 'right_foot'],
 };
-const LINGER = 700; // milliseconds that drawing goes on after the last touch; a picture that stands still costs nothing
+const LINGER = 12; // frames that are drawn after the last touch; a picture that stands still costs nothing
 const degrees = radians => radians * 180 / Math.PI, radians = degrees => degrees * Math.PI / 180;
 
 function bytesOf(base64) {
@@ -35,8 +35,8 @@ async function start() {
     timeline(figure), facts(content),
   ];
   views(stage);
-  let before = performance.now(), awake = before + LINGER, frame = 0;
-  const wake = () => { awake = performance.now() + LINGER; };
+  let before = performance.now(), awake = LINGER, frame = 0;
+  const wake = () => { awake = LINGER; };
   for (const event of ['input', 'click', 'keydown']) document.addEventListener(event, wake);
   stage.controls.addEventListener('change', wake);
   window.addEventListener('resize', wake);
@@ -45,8 +45,8 @@ async function start() {
     before = now;
     figure.update(seconds);
     if (figure.posed) figure.standOn(stage.ground); // animations know where the floor is
-    if (figure.moving || stage.controls.autoRotate) awake = now + LINGER;
-    if (now > awake) return requestAnimationFrame(tick);
+    if (figure.moving || stage.controls.autoRotate) wake();
+    if (awake-- <= 0) return requestAnimationFrame(tick);
     stage.follow(figure.bones[0].getWorldPosition(stage.lamp.target.position));
     stage.draw();
     if (frame++ % 4 === 0) for (const refresh of refreshers) refresh?.(seconds);
