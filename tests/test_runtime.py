@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
 import shutil
 import struct
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -21,10 +23,12 @@ import onnxruntime
 import pytest
 from gltf_samples import make_asset, make_rig
 from onnx import TensorProto, numpy_helper
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 import garmentc
-from garmentc.gltf.asset import Asset, RiggedMesh
+from garmentc import pipeline
+from garmentc.gltf.asset import Asset, GltfOptions, RiggedMesh
 from garmentc.gltf.pose_keys import EXTENSION, extras_string
 from garmentc.gltf.read import read_glb
 from garmentc.gltf.skeletons import MIXAMO
@@ -32,6 +36,7 @@ from garmentc.gltf.write import write_glb
 from garmentc.key_graph import key_graph
 from garmentc.rig import KeyNetwork
 from garmentc.smpl.pose_sampler import sample_poses
+from garmentc.smpl.skeleton import JOINT_NAMES
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 RUNTIME = EXAMPLES / "runtime"
@@ -76,7 +81,9 @@ def poses() -> np.ndarray:
 def node(*command: str | Path) -> str:
     if shutil.which("node") is None:
         pytest.skip("node is not installed; the runtime's tests need node 20.11 or later")
-    result = subprocess.run(["node", *map(str, command)], capture_output=True, text=True, check=False)
+    environment = {**os.environ, "CHROMIUM": shutil.which(engine_runs.chromium()) or ""}
+    command = ("node", *map(str, command))
+    result = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert result.returncode == 0, result.stderr
     return result.stdout
 
@@ -296,3 +303,54 @@ def test_an_update_allocates_nothing(compiled: Compiled, engine: str) -> None:
     inline = "--max-inlined-bytecode-size-cumulative=4000"
     least = float(node("--expose-gc", inline, PROGRAMS / "allocations.mjs", engine, compiled.glb))
     assert least < 1  # bytes an update
+
+
+@dataclass(frozen=True)
+class Viewed:
+    """What viewer.mjs says about the first example with all its keyframes, and the folder of its pictures."""
+
+    network: KeyNetwork
+    said: dict[str, Any]
+    folder: Path
+
+    def picture(self, name: str) -> np.ndarray:
+        """(H, W, 3) of 0 to 255, without the bar below."""
+        return np.asarray(Image.open(self.folder / f"{name}.png").convert("RGB"))[:500].astype(np.int32)
+
+    def difference(self, one: str, other: str) -> float:
+        """Mean over all pixels and colours."""
+        return float(np.abs(self.picture(one) - self.picture(other)).mean())
+
+
+@pytest.fixture(scope="module")
+def viewed(compiled: Compiled, tmp_path_factory: pytest.TempPathFactory) -> Viewed:
+    engine_runs.require_engines()
+    if shutil.which(engine_runs.chromium()) is None:
+        pytest.skip("the viewer is tested in Chromium, which is not installed (CHROMIUM names it)")
+    folder = tmp_path_factory.mktemp("viewed")
+    motion = (EXAMPLES / "motions" / "step_turn_raise.npz",)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "GltfOptions", partial(GltfOptions, key_tolerance=0))
+        garmentc.compile_outfit(EXAMPLES / "tee_and_skirt.obj", folder / "a.glb", motion=motion)
+    times = [str(float(np.float32(frame / 30))) for frame in (43, 78)]
+    return Viewed(compiled.network, json.loads(node(PROGRAMS / "viewer.mjs", folder / "a.glb", folder, *times)), folder)
+
+
+def test_the_viewer_shows_the_same_live_and_baked(viewed: Viewed) -> None:
+    assert viewed.said["complaints"] == []
+    for number, frame in enumerate(viewed.said["frames"]):
+        assert np.abs(frame["baked"]).max() > 0.1
+        np.testing.assert_allclose(frame["live"], frame["baked"], atol=1e-4, rtol=0)
+        assert viewed.difference(f"baked-{number}", f"live-{number}") < 1e-3
+    assert viewed.difference("live-0", "live-1") > 1
+    assert viewed.difference("live-1", "without") > 0.1
+
+
+def test_a_dragged_joint_moves_the_cloth(viewed: Viewed) -> None:
+    dragged = viewed.said["dragged"]
+    np.testing.assert_allclose(viewed.said["rest"], 0, atol=1e-4)
+    pose = Rotation.from_quat(dragged["rotations"]).as_rotvec()
+    assert [JOINT_NAMES[joint] for joint in np.flatnonzero(np.linalg.norm(pose, axis=1) > 1e-6)] == ["left_shoulder"]
+    assert dragged["elbow"]["y"] - dragged["from"]["y"] > 40  # down, with the pointer
+    np.testing.assert_allclose(dragged["weights"], [viewed.network(pose)], atol=PRECISION, rtol=0)
+    assert viewed.difference("rest", "dragged") > 0.5

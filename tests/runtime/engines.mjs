@@ -14,7 +14,7 @@ function bytesOf(path) {
 
 /**
  * A loaded file in three.js.
- * @returns drivers; `pose` sets quaternions (24 × xyzw); `weights` reads each mesh's; `turn` turns all of it, pelvis too
+ * @returns drivers; `pose` sets quaternions (24 × x y z w); `weights` reads each mesh's; `turn` turns all of it
  */
 export async function inThree(glb) {
   globalThis.createImageBitmap = async () => ({width: 1, height: 1, close() {}}); // textures are not looked at
@@ -74,8 +74,8 @@ export async function inBabylon(glb, {leftHanded = true} = {}) {
 let loadedBabylon;
 function babylon() {
   return loadedBabylon ??= (async () => {
-    const core = 'Engines/nullEngine scene Maths/math.vector Meshes/transformNode Loading/sceneLoader Misc/logger'.split(' ');
-    const modules = await Promise.all(core.map(name => installed(`@babylonjs/core/${name}.js`)));
+    const names = 'Engines/nullEngine scene Maths/math.vector Meshes/transformNode Loading/sceneLoader Misc/logger';
+    const modules = await Promise.all(names.split(' ').map(name => installed(`@babylonjs/core/${name}.js`)));
     await Promise.all(['Animations/animatable', 'Bones/skeleton'].map(name => installed(`@babylonjs/core/${name}.js`)));
     const {registerGLTFExtension} = await installed('@babylonjs/loaders/glTF/2.0/index.js');
     const all = Object.assign({}, ...modules);

@@ -1,5 +1,5 @@
 // The runtime alone: `node evaluate.mjs job.json` with {"network": path, "rotations": path, "out": path}.
-// network: the string of a node's extras; rotations: T × 24 quaternions x y z w in doubles; out: T × M keys in doubles.
+// network: the string of a node's extras; rotations: T × 24 quaternions x y z w, out: T × M keys; both in doubles.
 
 import fs from 'node:fs';
 import {PoseKeys, networkInExtras} from '../../examples/runtime/pose_keys.js';
