@@ -179,6 +179,15 @@ def test_an_unknown_animation_is_named(run: CommandLine, moving: Path, tmp_path:
     assert "it has step_turn_raise" in run.fails("preview", moving, "-o", tmp_path / "x.png", "--animation", "walk")
 
 
+def test_an_outfit_that_names_no_body_is_drawn_alone(run: CommandLine, top: Path, tmp_path: Path) -> None:
+    nameless, out = tmp_path / "nameless.glb", tmp_path / "sheet.png"
+    nameless.write_bytes(top.read_bytes().replace(b'"gender":', b'"GENDER":'))
+    result = run("preview", nameless, "-o", out, "--frames", 1, "--views", "front", "--size", 48)
+    assert result.code == 0, result.err
+    assert "does not say for which body it was made, so none is drawn; give --gender" in result.err
+    assert "collisions need the body" in run("preview", nameless, "-o", out, "--collisions").error_lines[0]
+
+
 @pytest.fixture(scope="module")
 def page(moving: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     from garmentc.cli import main
@@ -208,6 +217,14 @@ def test_a_page_holds_everything(page: Path, moving: Path) -> None:
         source = base64.b64decode(url.removeprefix("data:text/javascript;base64,")).decode()
         wanted = re.findall(r"""(?:from|import)\s*['"]([^'"]+)['"]""", source) if name != "three" else []
         assert set(wanted) <= set(imports), name
+
+
+def test_the_viewer_brings_the_three_js_that_the_engines_are_tested_with() -> None:
+    pinned = json.loads((engine_runs.ENGINES / "package.json").read_text())["dependencies"]["three"]
+    viewer = Path(garmentc.__file__).parent / "preview" / "viewer"
+    assert f"three {pinned} " in (viewer / "three.LICENSE.md").read_text(encoding="utf-8")
+    revision = pinned.split(".")[1]
+    assert re.search(rf"""=["`']{revision}["`']""", (viewer / "three.bundle.js").read_text(encoding="utf-8"))
 
 
 def test_names_cannot_break_out_of_a_page(moving: Path, tmp_path: Path) -> None:

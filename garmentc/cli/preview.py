@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.command("preview")
 @click.argument("glb", type=PATH, metavar="ASSET.glb")
 @click.option("-o", "--output", type=PATH, metavar="OUT.png|html", required=True, help="File to write.")
-@click.option("--frames", type=click.IntRange(min=1), default=4, show_default=True, help="Moments on a sheet.")
+@click.option("--frames", type=click.IntRange(1, 64), default=4, show_default=True, help="Moments on a sheet.")
 @click.option(
     "--views",
     default="front,side,back",
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     help="Of front, side, back, quarter, left, right; with commas between.",
 )
 @click.option(
-    "--size", type=click.IntRange(16, 4096), default=480, show_default=True, help="Height of a picture, pixels."
+    "--size", type=click.IntRange(16, 2048), default=480, show_default=True, help="Height of a picture, pixels."
 )
 @click.option("--animation", metavar="NAME", help="Name or number of the animation; the first by default.")
 @click.option("--collisions", is_flag=True, help="Colour cloth by how deep it lies inside the body.")
