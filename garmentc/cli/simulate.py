@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,6 +42,13 @@ def _cores() -> int:
 @click.option(
     "--motion", "motions", type=PATH, multiple=True, metavar="FILE", help="Motion instead of sampled ones; repeatable."
 )
+@click.option(
+    "--poses",
+    type=click.Choice(["ranges", "statistics"]),
+    default="ranges",
+    show_default=True,
+    help="Walk through poses from hand-made ranges of motion, or from the statistics of recorded motion.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Everything random follows it.")
 @click.option(
     "--workers", type=click.IntRange(min=1), default=_cores, show_default="one per core", help="Processes to use."
@@ -57,6 +65,7 @@ def command(
     outfits: int | None,
     categories: tuple[str, ...],
     motions: tuple[Path, ...],
+    poses: str,
     seed: int,
     workers: int,
     scheduler: str | None,
@@ -77,7 +86,7 @@ def command(
     if export_outfit is not None:
         _export(*export_outfit)
         return
-    plan = make_plan(PRESETS[preset], seed, outfits, motions, categories)
+    plan = make_plan(replace(PRESETS[preset], poses=poses), seed, outfits, motions, categories)
     if list_outfits:
         click.echo(_outfit_table(plan))
         return

@@ -38,6 +38,7 @@ class PlannedMotion:
 
     name   of this stretch
     group  of the whole motion, which several stretches may share; splits never part a group
+    poses  where those of a walk come from, a name of `pose_walk.POSE_SOURCES`
     """
 
     name: str
@@ -46,6 +47,7 @@ class PlannedMotion:
     seed: int
     clip: Motion | None
     held_out: bool
+    poses: str = "ranges"
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,8 @@ class Plan:
 def _motion_document(motion: PlannedMotion) -> dict[str, Any]:
     document: dict[str, Any] = {"name": motion.name, "frames": motion.frames, "held_out": motion.held_out}
     if motion.clip is None:
-        return {**document, "seed": motion.seed}
+        source = {} if motion.poses == "ranges" else {"poses": motion.poses}  # younger than the first datasets
+        return {**document, "seed": motion.seed, **source}
     arrays = (np.ascontiguousarray(array, np.float64) for array in (motion.clip.poses, motion.clip.trans))
     return {**document, "sha256": hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()}
 
@@ -159,12 +162,11 @@ def _outfit(preset: Preset, seed: int, index: int) -> PlannedOutfit:
 def _walks(preset: Preset, seed: int) -> tuple[PlannedMotion, ...]:
     names = [f"walk{index:03d}" for index in range(preset.walks)]
     new = lowest(names, preset.held_out_motions, seed)
-    return tuple(
-        PlannedMotion(
-            name, name, preset.new_frames if name in new else preset.frames, digest(seed, name) >> 33, None, name in new
-        )
-        for name in names
-    )
+    motions = []
+    for name in names:
+        frames = preset.new_frames if name in new else preset.frames
+        motions.append(PlannedMotion(name, name, frames, digest(seed, name) >> 33, None, name in new, preset.poses))
+    return tuple(motions)
 
 
 def _clips(files: Sequence[Path], preset: Preset, seed: int) -> tuple[PlannedMotion, ...]:

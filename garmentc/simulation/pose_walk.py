@@ -13,9 +13,13 @@ from garmentc.simulation.motion_preparation import PreparationOptions, SelfOverl
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.motion import Motion
 from garmentc.smpl.pose_sampler import sample_poses
+from garmentc.smpl.pose_statistics import draw_poses
 from garmentc.smpl.rotations import axis_angle_to_quaternion, multiply_quaternions, quaternion_to_axis_angle, slerp
 
 _TRIES_PER_POSE = 8
+
+POSE_SOURCES = {"ranges": sample_poses, "statistics": draw_poses}
+"""Where poses come from: hand-made ranges of motion, or the statistics of recorded motion."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +30,7 @@ class WalkOptions:
     speed    degrees a second: the joint that has farthest to go turns this fast on average
     quickest, slowest   seconds of a transition
     hold     (least, most) seconds that a pose is held
+    poses    a name of POSE_SOURCES
     """
 
     fps: float = 30.0
@@ -33,6 +38,7 @@ class WalkOptions:
     quickest: float = 0.5
     slowest: float = 1.6
     hold: tuple[float, float] = (0.1, 0.5)
+    poses: str = "ranges"
 
 
 def pose_walk(
@@ -44,8 +50,8 @@ def pose_walk(
 ) -> Motion:
     """A motion of `frame_count` frames through sampled poses, at heading zero, the pelvis in its place.
 
-    Every joint takes the shorter arc between two poses of `sample_poses`, so it stays within the ranges of motion that
-    the sampler draws from (they are convex but for the twist of an arm), and starts and stops gently. The root tilts
+    Every joint takes the shorter arc between two sampled poses, so it stays within the ranges of motion that they are
+    drawn from (they are convex but for the twist of an arm), and starts and stops gently. The root tilts
     with the poses. Where a `body` with shape `betas` is given, poses in which it runs into itself are not walked to.
 
     The same arguments give the same motion. Raises GarmentcError where the body leaves no clear pose.
@@ -55,7 +61,7 @@ def pose_walk(
     overlap = None if body is None else SelfOverlap.of(body, betas, PreparationOptions())
     shortest = options.quickest + options.hold[0]
     enough = int(np.ceil(frame_count / (options.fps * shortest))) + 2
-    drawn = iter(sample_poses(_TRIES_PER_POSE * enough, int(rng.integers(1 << 31))))
+    drawn = iter(POSE_SOURCES[options.poses](_TRIES_PER_POSE * enough, int(rng.integers(1 << 31))))
     frames: list[NDArray[np.float64]] = []
     here = _next_pose(drawn, overlap)
     total = 0

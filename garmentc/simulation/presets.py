@@ -37,6 +37,7 @@ class Preset:
     categories        taken in turn
     vertex_limit      most vertices of an outfit, None as drawn
     tshirt            one T-shirt topology, fitted to bodies and styles, instead of outfits
+    poses             where the poses of walks come from, a name of `pose_walk.POSE_SOURCES`
     """
 
     name: str
@@ -52,6 +53,7 @@ class Preset:
     categories: tuple[str, ...] = _CLOTHES
     vertex_limit: int | None = None
     tshirt: bool = False
+    poses: str = "ranges"
 
 
 BENCHMARK = Preset(

@@ -83,7 +83,7 @@ def prepared_motion(planned: PlannedMotion, body: BodyModel, betas: NDArray[np.f
     """The motion as the body with shape `betas` (S,) can do it. Walks are clear already: no arms need opening."""
     if planned.clip is not None:
         return prepare_motion(planned.clip, body, betas, PreparationOptions(fps=SETTINGS.fps))
-    walk = pose_walk(planned.frames, planned.seed, body, betas, WalkOptions(fps=SETTINGS.fps))
+    walk = pose_walk(planned.frames, planned.seed, body, betas, WalkOptions(fps=SETTINGS.fps, poses=planned.poses))
     return prepare_motion(walk, body, betas, PreparationOptions(fps=SETTINGS.fps, arms=0.0))
 
 
