@@ -218,7 +218,8 @@ def passes(options: CompileOptions, body: BodyModel, betas: NDArray[Any] | None)
     ]
     if settings.quantize:
         # Only measures: the back end rounds, once.
-        steps.append(lambda rig, poses: quantize(rig, Quantize(settings.influences), poses))
+        rounding = Quantize(settings.influences, compress=options.meshopt)
+        steps.append(lambda rig, poses: quantize(rig, rounding, poses))
     return tuple(steps)
 
 
@@ -252,7 +253,8 @@ def quantized_together(layers: Sequence[Layer], options: CompileOptions) -> list
     measured = []
     for number, layer in enumerate(layers):
         beside = (*rigs[:number], *rigs[number + 1 :])
-        _, report = quantize(layer.rig, Quantize(options.settings.influences, beside), poses)
+        rounding = Quantize(options.settings.influences, beside, options.meshopt)
+        _, report = quantize(layer.rig, rounding, poses)
         measured.append(replace(layer, passes=(*layer.passes[:-1], report)))
     return measured
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,11 @@ from numpy.typing import NDArray
 from garmentc.gltf.skin import JOINT_GRID
 from garmentc.rig import Rig
 
-_SNORM16 = 32767
+FULL = 32767
+"""Steps that 16 bits give to each side of a box's centre."""
+
+COARSE_STEP = 5e-5
+"""Metres, where bytes count more: finer than anyone sees, and most deltas then take one byte instead of two."""
 
 
 @dataclass(frozen=True)
@@ -20,17 +25,24 @@ class PositionCodec:
 
     quantized   stored as int16 (KHR_mesh_quantization); otherwise center is 0 and scale 1
     normalized  the integers stand for fractions; otherwise for themselves, and small deltas may be int8 in equal steps
+    levels      integers on each side of the center
     """
 
     quantized: bool
     center: NDArray[np.float64]
     scale: float
     normalized: bool = True
+    levels: int = FULL
+
+    @property
+    def step(self) -> float:
+        """Metres between neighbouring integers."""
+        return self.scale / self.levels
 
     @property
     def matrix(self) -> NDArray[np.float64]:
         """(4, 4): stored positions to metres."""
-        scale = self.scale if self.normalized else self.scale / _SNORM16
+        scale = self.scale if self.normalized else self.step
         matrix = np.diag([scale, scale, scale, 1.0])
         matrix[:3, 3] = self.center
         return matrix
@@ -48,11 +60,14 @@ class PositionCodec:
         return encoded.astype(np.int8) if small else encoded
 
     def _encode(self, vectors: NDArray[Any]) -> NDArray[np.int16]:
-        return np.round(vectors * (_SNORM16 / self.scale)).astype(np.int16)
+        return np.round(vectors * (self.levels / self.scale)).astype(np.int16)
 
 
-def position_codec(*rigs: Rig, quantize: bool, normalize: bool = True) -> PositionCodec:
-    """One box for all vertices and blend shapes of the rigs: their skin has one set of inverse bind matrices."""
+def position_codec(*rigs: Rig, quantize: bool, compress: bool = False) -> PositionCodec:
+    """One box for all vertices and blend shapes of the rigs: their skin has one set of inverse bind matrices.
+
+    compress  for a file that will be compressed: coarser, and in integers that stand for themselves
+    """
     if not quantize:
         return PositionCodec(False, np.zeros(3), 1.0)
     low = np.min([rig.template.min(axis=0) for rig in rigs], axis=0).astype(np.float64)
@@ -60,7 +75,8 @@ def position_codec(*rigs: Rig, quantize: bool, normalize: bool = True) -> Positi
     center = np.round((low + high) / 2 / JOINT_GRID) * JOINT_GRID
     reach = max(float((high - center).max()), float((center - low).max()), max(map(largest_delta, rigs)))
     scale = np.nextafter(np.float32(max(reach, JOINT_GRID)), np.float32(np.inf))
-    return PositionCodec(True, center, float(scale), normalize)
+    levels = min(FULL, math.ceil(scale / COARSE_STEP)) if compress else FULL
+    return PositionCodec(True, center, float(scale), not compress, levels)
 
 
 def largest_delta(rig: Rig) -> float:

@@ -101,7 +101,7 @@ def _fill(
     if skeleton.grounded:
         above.translation = [0.0, -float(np.floor(asset.ground / JOINT_GRID) * JOINT_GRID), 0.0]
     armature = _add_node(document, above)
-    codec = position_codec(*asset.rigs, quantize=asset.options.quantize, normalize=not asset.options.meshopt)
+    codec = position_codec(*asset.rigs, quantize=asset.options.quantize, compress=asset.options.meshopt)
     materials = MaterialWriter(writer)
     meshes = [add_mesh(writer, shown, asset.options, codec, _add_materials(materials, shown)) for shown in asset.meshes]
     skin = add_skin(writer, joints, asset.rig.joints, codec.matrix, skeleton.name)

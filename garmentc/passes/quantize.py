@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +24,12 @@ class Quantize:
 
     influences  joints that may move a vertex in the file: 4 or 8
     beside      rigs that share the file's one box of positions
+    compress    the file will be compressed
     """
 
     influences: int = 4
     beside: tuple[Rig, ...] = ()
+    compress: bool = False
 
 
 def quantize(rig: Rig, options: Quantize, poses: PoseSet) -> tuple[Rig, PassReport]:
@@ -34,7 +37,7 @@ def quantize(rig: Rig, options: Quantize, poses: PoseSet) -> tuple[Rig, PassRepo
 
     The rig itself stays as it is: the back end does the rounding, once.
     """
-    codec = position_codec(rig, *options.beside, quantize=True)
+    codec = position_codec(rig, *options.beside, quantize=True, compress=options.compress)
     part = take_vertices(rig, spread_vertices(rig.vertex_count, MAX_VERTICES))
     weights = largest_weights(part.weights, options.influences).astype(np.float64)
     joints = np.argsort(-weights, axis=1, kind="stable")
@@ -42,13 +45,13 @@ def quantize(rig: Rig, options: Quantize, poses: PoseSet) -> tuple[Rig, PassRepo
     np.put_along_axis(stored, joints, to_unorm16(np.take_along_axis(weights, joints, axis=1)) / 65535, axis=1)
     rounded = replace(
         part,
-        template=_metres(codec.positions(part.template), codec.scale) + codec.center,
+        template=_metres(codec.positions(part.template), codec.step) + codec.center,
         weights=stored,
-        blend_shapes=_metres(codec.deltas(part.blend_shapes), codec.scale),
+        blend_shapes=_metres(codec.deltas(part.blend_shapes), codec.step),
     )
-    detail = f"16-bit positions, a step of {1000 * codec.scale / 32767:.3f} mm"
+    detail = f"16-bit positions, a step of {1000 * codec.step:.3f} mm"
     return rig, PassReport("quantize", detail, posed_error(part, rounded, poses.check))
 
 
-def _metres(integers: NDArray[np.int16], scale: float) -> NDArray[np.float64]:
-    return integers.astype(np.float64) * (scale / 32767)
+def _metres(integers: NDArray[Any], step: float) -> NDArray[np.float64]:
+    return integers.astype(np.float64) * step
