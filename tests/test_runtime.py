@@ -54,9 +54,13 @@ class Compiled:
 
     @property
     def network(self) -> KeyNetwork:
-        found = read_glb(self.glb).meshes[0].pose_keys
-        assert found is not None
-        return KeyNetwork(found.layers)
+        return network_of(self.glb)
+
+
+def network_of(glb: Path) -> KeyNetwork:
+    found = read_glb(glb).meshes[0].pose_keys
+    assert found is not None
+    return KeyNetwork(found.layers)
 
 
 @pytest.fixture(scope="module")
@@ -323,7 +327,7 @@ class Viewed:
 
 
 @pytest.fixture(scope="module")
-def viewed(compiled: Compiled, tmp_path_factory: pytest.TempPathFactory) -> Viewed:
+def viewed(tmp_path_factory: pytest.TempPathFactory) -> Viewed:
     engine_runs.require_engines()
     if shutil.which(engine_runs.chromium()) is None:
         pytest.skip("the viewer is tested in Chromium, which is not installed (CHROMIUM names it)")
@@ -333,7 +337,8 @@ def viewed(compiled: Compiled, tmp_path_factory: pytest.TempPathFactory) -> View
         patch.setattr(pipeline, "GltfOptions", partial(GltfOptions, key_tolerance=0))
         garmentc.compile_outfit(EXAMPLES / "tee_and_skirt.obj", folder / "a.glb", motion=motion)
     times = [str(float(np.float32(frame / 30))) for frame in (43, 78)]
-    return Viewed(compiled.network, json.loads(node(PROGRAMS / "viewer.mjs", folder / "a.glb", folder, *times)), folder)
+    said = json.loads(node(PROGRAMS / "viewer.mjs", folder / "a.glb", folder, *times))
+    return Viewed(network_of(folder / "a.glb"), said, folder)
 
 
 def test_the_viewer_shows_the_same_live_and_baked(viewed: Viewed) -> None:

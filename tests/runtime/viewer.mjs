@@ -40,7 +40,7 @@ const browser = await chromium.launch({
   executablePath: process.env.CHROMIUM, chromiumSandbox: false, args: ARGUMENTS,
 });
 try {
-  const page = await browser.newPage({viewport: {width: 560, height: 560}});
+  const page = await browser.newPage({viewport: {width: 700, height: 560}});
   page.setDefaultTimeout(300_000);
   const complaints = [];
   page.on('pageerror', error => complaints.push(error.message));
