@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import re
-import shutil
 import struct
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -23,24 +19,18 @@ import onnxruntime
 import pytest
 from gltf_samples import make_asset, make_rig
 from onnx import TensorProto, numpy_helper
-from PIL import Image
+from runtime_runs import EXAMPLES, PROGRAMS, network_of, node
 from scipy.spatial.transform import Rotation
 
 import garmentc
-from garmentc import pipeline
-from garmentc.gltf.asset import Asset, GltfOptions, RiggedMesh
+from garmentc.gltf.asset import Asset, RiggedMesh
 from garmentc.gltf.pose_keys import EXTENSION, extras_string
-from garmentc.gltf.read import read_glb
 from garmentc.gltf.skeletons import MIXAMO
 from garmentc.gltf.write import write_glb
 from garmentc.key_graph import key_graph
 from garmentc.rig import KeyNetwork
 from garmentc.smpl.pose_sampler import sample_poses
-from garmentc.smpl.skeleton import JOINT_NAMES
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
-RUNTIME = EXAMPLES / "runtime"
-PROGRAMS = Path(__file__).parent / "runtime"
 ENGINES = ("three", "babylon", "babylon_right_handed")
 PRECISION = 1e-5
 
@@ -55,12 +45,6 @@ class Compiled:
     @property
     def network(self) -> KeyNetwork:
         return network_of(self.glb)
-
-
-def network_of(glb: Path) -> KeyNetwork:
-    found = read_glb(glb).meshes[0].pose_keys
-    assert found is not None
-    return KeyNetwork(found.layers)
 
 
 @pytest.fixture(scope="module")
@@ -80,16 +64,6 @@ def poses() -> np.ndarray:
     sampled[1, 0] = [0, 2.5, 0]
     sampled[2, 18] = [0, 3.14, 0]
     return sampled.astype(np.float32).astype(np.float64)  # what onnxruntime is given, to the bit
-
-
-def node(*command: str | Path) -> str:
-    if shutil.which("node") is None:
-        pytest.skip("node is not installed; the runtime's tests need node 20.11 or later")
-    environment = {**os.environ, "CHROMIUM": shutil.which(engine_runs.chromium()) or ""}
-    command = ("node", *map(str, command))
-    result = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-    assert result.returncode == 0, result.stderr
-    return result.stdout
 
 
 def quaternions(poses: np.ndarray) -> np.ndarray:
@@ -145,8 +119,8 @@ def test_the_default_network_equals_onnxruntime(compiled: Compiled, poses: np.nd
 
 def test_the_kernel_is_what_its_source_says(tmp_path: Path) -> None:
     engine_runs.require_engines()
-    node(PROGRAMS / "assemble.mjs", RUNTIME / "kernel.wat", tmp_path / "kernel.wasm")
-    embedded = re.search(r"KERNEL = `([^`]+)`", (RUNTIME / "pose_keys.js").read_text())
+    node(PROGRAMS / "assemble.mjs", EXAMPLES / "runtime" / "kernel.wat", tmp_path / "kernel.wasm")
+    embedded = re.search(r"KERNEL = `([^`]+)`", (EXAMPLES / "runtime" / "pose_keys.js").read_text())
     assert embedded is not None
     assert base64.b64decode(embedded[1]) == (tmp_path / "kernel.wasm").read_bytes()
 
@@ -307,55 +281,3 @@ def test_an_update_allocates_nothing(compiled: Compiled, engine: str) -> None:
     inline = "--max-inlined-bytecode-size-cumulative=4000"
     least = float(node("--expose-gc", inline, PROGRAMS / "allocations.mjs", engine, compiled.glb))
     assert least < 1  # bytes an update
-
-
-@dataclass(frozen=True)
-class Viewed:
-    """What viewer.mjs says about the first example with all its keyframes, and the folder of its pictures."""
-
-    network: KeyNetwork
-    said: dict[str, Any]
-    folder: Path
-
-    def picture(self, name: str) -> np.ndarray:
-        """(H, W, 3) of 0 to 255, without the bar below."""
-        return np.asarray(Image.open(self.folder / f"{name}.png").convert("RGB"))[:500].astype(np.int32)
-
-    def difference(self, one: str, other: str) -> float:
-        """Mean over all pixels and colours."""
-        return float(np.abs(self.picture(one) - self.picture(other)).mean())
-
-
-@pytest.fixture(scope="module")
-def viewed(tmp_path_factory: pytest.TempPathFactory) -> Viewed:
-    engine_runs.require_engines()
-    if shutil.which(engine_runs.chromium()) is None:
-        pytest.skip("the viewer is tested in Chromium, which is not installed (CHROMIUM names it)")
-    folder = tmp_path_factory.mktemp("viewed")
-    motion = (EXAMPLES / "motions" / "step_turn_raise.npz",)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "GltfOptions", partial(GltfOptions, key_tolerance=0))
-        garmentc.compile_outfit(EXAMPLES / "tee_and_skirt.obj", folder / "a.glb", motion=motion)
-    times = [str(float(np.float32(frame / 30))) for frame in (43, 78)]
-    said = json.loads(node(PROGRAMS / "viewer.mjs", folder / "a.glb", folder, *times))
-    return Viewed(network_of(folder / "a.glb"), said, folder)
-
-
-def test_the_viewer_shows_the_same_live_and_baked(viewed: Viewed) -> None:
-    assert viewed.said["complaints"] == []
-    for number, frame in enumerate(viewed.said["frames"]):
-        assert np.abs(frame["baked"]).max() > 0.1
-        np.testing.assert_allclose(frame["live"], frame["baked"], atol=1e-4, rtol=0)
-        assert viewed.difference(f"baked-{number}", f"live-{number}") < 1e-3
-    assert viewed.difference("live-0", "live-1") > 1
-    assert viewed.difference("live-1", "without") > 0.1
-
-
-def test_a_dragged_joint_moves_the_cloth(viewed: Viewed) -> None:
-    dragged = viewed.said["dragged"]
-    np.testing.assert_allclose(viewed.said["rest"], 0, atol=1e-4)
-    pose = Rotation.from_quat(dragged["rotations"]).as_rotvec()
-    assert [JOINT_NAMES[joint] for joint in np.flatnonzero(np.linalg.norm(pose, axis=1) > 1e-6)] == ["left_shoulder"]
-    assert dragged["elbow"]["y"] - dragged["from"]["y"] > 40  # down, with the pointer
-    np.testing.assert_allclose(dragged["weights"], [viewed.network(pose)], atol=PRECISION, rtol=0)
-    assert viewed.difference("rest", "dragged") > 0.5
