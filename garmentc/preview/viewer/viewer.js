@@ -49,7 +49,7 @@ async function start() {
     if (awake-- <= 0) return requestAnimationFrame(tick);
     stage.follow(figure.bones[0].getWorldPosition(stage.lamp.target.position));
     stage.draw();
-    if (frame++ % 4 === 0) for (const refresh of refreshers) refresh?.(seconds);
+    if (!figure.playing || frame++ % 4 === 0) for (const refresh of refreshers) refresh?.(seconds);
     return requestAnimationFrame(tick);
   };
   requestAnimationFrame(tick);
