@@ -49,7 +49,7 @@ def test_draws_have_the_mean_covariance_and_limits_of_the_file() -> None:
 
 def test_statistics_of_normal_poses_are_found_again() -> None:
     rng = np.random.default_rng(1)
-    turns = np.zeros((20_000, 24, 3))
+    turns = np.zeros((6_000, 24, 3))
     turns[:, 1:, 0] = rng.normal(0.3, 0.2, (len(turns), 23))
     found = pose_statistics([turns])
     assert found.mean[3:].reshape(-1, 3)[:, 0] == pytest.approx(0.3, abs=0.01)

@@ -72,6 +72,8 @@ def keep_function(body: RestBody, garment: GarmentParameters) -> Field:
 def _bounds(body: RestBody, garment: GarmentParameters, keep: Field, lofts: list[Loft]) -> Array:
     """Box (2, 3) that holds the kept surface and a margin beyond its hems."""
     vertices = body.vertices[keep(body.vertices) > -0.03]
+    if not len(vertices):
+        raise ValueError(f"a garment ({garment.kind}) has no surface; its hems leave nothing")
     reach = garment.clearance + garment.roughness + 0.02
     low, high = vertices.min(0) - reach, vertices.max(0) + reach
     for tube in lofts:
