@@ -34,7 +34,12 @@ from garmentc.training.metadata import encode_metadata  # noqa: E402
 from garmentc.training.outfit_sample import PosableBody, make_sample  # noqa: E402
 from garmentc.training.predict import mean_error_mm, poser  # noqa: E402
 from garmentc.training.recipe import DataStage, PhysicsStage, Recipe, read_recipe, recipe_of  # noqa: E402
-from garmentc.training.simulated_outfits import SimulatedOutfit, read_outfits, simulated_outfit  # noqa: E402
+from garmentc.training.simulated_outfits import (  # noqa: E402
+    SimulatedOutfit,
+    read_outfits,
+    simulated_outfit,
+    validation_split,
+)
 from garmentc.training.stage import Progress  # noqa: E402
 from garmentc.training.train_deepsd import train  # noqa: E402
 
@@ -253,3 +258,18 @@ def test_two_processes_learn_what_one_learns(dataset: Dataset, tmp_path: Path) -
         for name in {"loss", "distance", "weights", "error_mm"} & set(one):
             assert two[name] == pytest.approx(one[name], rel=2e-3), name
     assert (tmp_path / "two" / "bundle" / "manifest.json").exists()
+
+
+def test_validation_outfits_are_spread_and_not_learned_from(outfits: list[SimulatedOutfit]) -> None:
+    kept, withheld = validation_split(outfits, 2)
+    assert [outfit.sample.name for outfit in withheld] == ["outfit0000", "outfit0002"]
+    assert [outfit.sample.name for outfit in kept] == ["outfit0001", "outfit0003"]
+    assert validation_split(outfits, 0) == (outfits, [])
+
+
+def test_dropout_thins_in_training_only_and_the_same_every_time(outfits: list[SimulatedOutfit], tmp_path: Path) -> None:
+    thin = recipe(3, 0, data=DataStage(3, poses=6, dropout=0.5))
+    once, again = (train(thin, outfits, [], DATA, tmp_path / name).network for name in ("once", "again"))
+    plain = train(recipe(3, 0, data=DataStage(3, poses=6)), outfits, [], DATA, tmp_path / "plain").network
+    assert torch.equal(weights_of(once), weights_of(again))
+    assert not torch.equal(weights_of(once), weights_of(plain))

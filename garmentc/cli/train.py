@@ -38,7 +38,7 @@ def command() -> None:
 @click.option("--time-limit", type=click.FloatRange(min=0), metavar="MINUTES", help="Stop cleanly, save, go on later.")
 @click.option("--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Of each process.")
 @click.option("--device", type=click.Choice(["cpu", "cuda"]), default="cpu", show_default=True, help="To compute on.")
-@click.option("--measure", default="test", show_default=True, metavar="SPLIT", help="Held-out outfits for the log.")
+@click.option("--measure", default="test", show_default=True, metavar="SPLIT", help="Split to measure for the log.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 def deepsd(
     data: Path,
@@ -87,7 +87,7 @@ def _train(
     from garmentc.simulation.dataset import open_dataset
     from garmentc.training.checkpoint import DataFacts
     from garmentc.training.rigid_outfits import rigid_outfits
-    from garmentc.training.simulated_outfits import read_outfits
+    from garmentc.training.simulated_outfits import read_outfits, validation_split
     from garmentc.training.train_deepsd import train
 
     torch.set_num_threads(threads)
@@ -97,7 +97,9 @@ def _train(
             [Diagnostic("incomplete-dataset", "the dataset is incomplete; training on what is there", str(data))]
         )
     outfits = read_outfits(dataset, "train", recipe.metadata, bodies)
-    held_out = read_outfits(dataset, measure, recipe.metadata, bodies) if workers.leads else []
+    outfits, held_out = validation_split(outfits, recipe.validation)
+    if not recipe.validation and workers.leads:
+        held_out = read_outfits(dataset, measure, recipe.metadata, bodies)
     facts = DataFacts(dataset.name, dataset.sha256, len(outfits), sum(map(len, outfits)))
     show(f"{facts.outfits} outfits in {facts.frames} frames; {len(held_out)} held out")
     outfits += rigid_outfits(recipe.rigid_outfits, outfits, recipe.seed) if outfits else []

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from garmentc.training.batch_plan import Batch, BatchPlan
-from garmentc.training.deepsd_network import Deepsd
+from garmentc.training.deepsd_network import Deepsd, Descriptors
 from garmentc.training.losses import MM, largest, skin
 from garmentc.training.mirroring import mirrored_poses, mirrored_sample, mirrored_transforms, mirrored_vertices
 from garmentc.training.pose_encodings import POSE_ENCODINGS
@@ -70,6 +70,8 @@ class DataLearning:
 
         chosen = tensor(np.arange(len(sample.vertices)) if rows is None else rows)
         descriptors = network.descriptors(sample.vertices, sample.normals, sample.mean, metadata, chosen)
+        if settings.dropout:
+            descriptors = _thinned(descriptors, settings.dropout, int(rng.integers(1 << 31)))
         logarithms = torch.log_softmax(network.weight_logits(descriptors), dim=1)
         weights = logarithms.exp()
         features = POSE_ENCODINGS[network.config.pose_encoding].encode(poses).astype(np.float32)
@@ -88,3 +90,14 @@ class DataLearning:
             priors = settings.weight_prior * terms["weights"] + settings.deformation_prior * terms["deformation"]
             total = total + fading * priors
         return total, terms
+
+
+def _thinned(descriptors: Descriptors, share: float, seed: int) -> Descriptors:
+    """Whole channels dropped, the others scaled up (Srivastava et al. 2014): the same channels at every vertex."""
+    generator = torch.Generator().manual_seed(seed)
+
+    def thinned(x: Tensor) -> Tensor:
+        kept = (torch.rand(x.shape[-1], generator=generator) >= share) / (1 - share)
+        return x * kept.to(x)
+
+    return Descriptors(thinned(descriptors.local), thinned(descriptors.shared))

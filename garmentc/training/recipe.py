@@ -48,6 +48,7 @@ class DataStage(Optimisation):
                        difference hardly moves a softmax that is sure of a wrong joint
     deformation_prior  on squared deformations, mm²; too low, deformations learn what blend weights should
     influences         one is drawn for each outfit: skinning uses the largest so many weights, as assets do
+    dropout            share of the descriptors' channels that a batch does without, against learning outfits by heart
     metadata_dropout   share of outfits whose metadata are withheld, so that the network also does without
     """
 
@@ -58,6 +59,7 @@ class DataStage(Optimisation):
     weight_prior: float = 100.0
     deformation_prior: float = 1.0
     influences: tuple[int, ...] = (4, 4, 8, 24)
+    dropout: float = 0.0
     metadata_dropout: float = 0.25
 
 
@@ -92,6 +94,8 @@ class Recipe:
     mirror         half of the batches are left-right mirrored
     metadata       of METADATA: what the network is told about an outfit beside its mesh
     physics        None: without χ
+    validation     outfits of the training split that are measured in place of held-out ones and not learned from:
+                   for choosing a recipe without looking at what is held out
     rigid_outfits  shoes, hats, bands and gloves mixed in, see `garmentc.training.rigid_outfits`
     measure_every  steps between measurements on held-out outfits, which nothing depends on; 0: only at the end
     """
@@ -103,6 +107,7 @@ class Recipe:
     description: str = "DeePSD trained on simulated outfits."
     mirror: bool = True
     metadata: tuple[str, ...] = ()
+    validation: int = 0
     rigid_outfits: int = 0
     measure_every: int = 1000
 

@@ -81,6 +81,13 @@ def read_outfits(
     return list(outfits.values())
 
 
+def validation_split(outfits: list[SimulatedOutfit], count: int) -> tuple[list[SimulatedOutfit], list[SimulatedOutfit]]:
+    """Outfits to learn from, and `count` of them, spread evenly, that are not."""
+    chosen = {index * len(outfits) // count for index in range(count)} if count else set()
+    kept = [outfit for index, outfit in enumerate(outfits) if index not in chosen]
+    return kept, [outfits[index] for index in sorted(chosen)]
+
+
 def simulated_outfit(sequence: Sequence, metadata: Ordered[str], body: BodyModel) -> SimulatedOutfit:
     """The outfit of one sequence, on the body that it was simulated on."""
     sample = make_sample(sequence.facts.outfit, sequence.template, sequence.faces, PosableBody.of(body, sequence.betas))
