@@ -67,7 +67,7 @@ def test_it_is_read_back_as_what_it_was(written: dict[str, Path], folder: Path, 
     write_glb(sample(case), plain)
     left, right = read_glb(plain), read_glb(written[case])
     exact = dict.fromkeys(("normal", "texcoord", "weight", "rotation", "key"), 1e-7)
-    rounding = 5e-5 if CASES[case]["quantize"] else 1e-7  # steps of 0.05 mm, and finer ones without compression
+    rounding = 9e-5 if CASES[case]["quantize"] else 1e-7  # steps of 0.1 mm at most, and finer ones without compression
     assert diff_glb(left, right, DiffTolerances(position=rounding, **exact)) == ()
     assert validate_glb(right) == validate_glb(left)
     assert right.extensions_required == (EXTENSION, *left.extensions_required)
@@ -234,7 +234,7 @@ def test_compile_with_meshopt(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     for name, more in (("plain", []), ("small", ["--meshopt"]), ("again", ["--meshopt"])):
         result = run("compile", top, "-o", tmp_path / f"{name}.glb", *options, *more)
         assert result.code == 0
-        assert ("a step of 0.050 mm" in result.out) == bool(more)
+        assert ("a step of 0.100 mm" in result.out) == bool(more)
     small, again = tmp_path / "small.glb", tmp_path / "again.glb"
     assert small.read_bytes() == again.read_bytes()
     assert small.stat().st_size < 0.6 * (tmp_path / "plain.glb").stat().st_size
@@ -242,7 +242,7 @@ def test_compile_with_meshopt(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     plain, compressed = (world_mesh(glb, rest_state(glb))[0] for glb in map(read_glb, (tmp_path / "plain.glb", small)))
     apart, _ = cKDTree(compressed).query(plain)
     assert len(plain) == len(compressed)
-    assert apart.max() < 6e-5
+    assert apart.max() < 1e-4
 
 
 def test_animations_are_compressed_losslessly(written: dict[str, Path], folder: Path) -> None:

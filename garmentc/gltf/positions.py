@@ -15,8 +15,11 @@ from garmentc.rig import Rig
 FULL = 32767
 """Steps that 16 bits give to each side of a box's centre."""
 
-COARSE_STEP = 5e-5
-"""Metres, where bytes count more: finer than anyone sees, and most deltas then take one byte instead of two."""
+COARSE_STEP, COARSE_MORPHS, FEWEST_MORPHS = 5e-5, 32, 8
+"""Where bytes count more: a step of 0.05 mm for 32 blend shapes, so that most deltas take one byte instead of two.
+
+The errors of M rounded shapes add up like the root of M: with fewer shapes a larger step makes the same error.
+"""
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,9 @@ def position_codec(*rigs: Rig, quantize: bool, compress: bool = False) -> Positi
     center = np.round((low + high) / 2 / JOINT_GRID) * JOINT_GRID
     reach = max(float((high - center).max()), float((center - low).max()), max(map(largest_delta, rigs)))
     scale = np.nextafter(np.float32(max(reach, JOINT_GRID)), np.float32(np.inf))
-    levels = min(FULL, math.ceil(scale / COARSE_STEP)) if compress else FULL
+    morphs = max(FEWEST_MORPHS, *(rig.morph_count for rig in rigs))
+    coarse = math.ceil(scale / (COARSE_STEP * math.sqrt(COARSE_MORPHS / morphs)))
+    levels = min(FULL, coarse) if compress else FULL
     return PositionCodec(True, center, float(scale), not compress, levels)
 
 
