@@ -12,6 +12,7 @@ from compiled import Compiled
 from gltf_samples import corner_vertices
 
 from conformance.gowns import Gown, write_gowns
+from garmentc.gltf.reorder import reordered
 from garmentc.outfit.corners import CornerPrimitive
 from garmentc.rig import Rig
 from garmentc.smpl.motion import Motion
@@ -95,12 +96,15 @@ def of_compiled(compiled: Compiled, labels: tuple[str, ...], glb: Path, frames: 
     """A file that the pipeline made, every keyframe kept: `glb`, which perhaps a tool has rewritten."""
     settings = compiled.case.options.settings
     [motion] = compiled.dressed.motions
+    primitives = compiled.dressed.corners.primitives
+    if compiled.case.options.meshopt:
+        primitives = tuple(map(reordered, primitives))
     return Subject(
         labels=labels,
         glb=glb,
         rig=compiled.rig,
-        vertices=compiled.corner_vertices,
-        triangles=_triangles(compiled.dressed.corners.primitives),
+        vertices=np.concatenate([primitive.vertices for primitive in primitives]),
+        triangles=_triangles(primitives),
         motion=motion,
         frames=frames,
         influences=settings.influences,

@@ -35,14 +35,16 @@ const renderer = new THREE.WebGLRenderer({antialias: true, alpha: true, preserve
 if (!renderer.extensions.has('EXT_color_buffer_float')) throw new Error('this GPU draws no floats');
 const loader = new GLTFLoader().setMeshoptDecoder(MeshoptDecoder);
 
-function gpuPositions(mesh, camera) {
-  const count = mesh.geometry.attributes.position.count;
-  const size = new THREE.Vector2(WIDTH, Math.ceil(count / WIDTH));
-  const target = new THREE.WebGLRenderTarget(size.x, size.y, {
+const size = new THREE.Vector2();
+const material = new THREE.ShaderMaterial({
+  glslVersion: THREE.GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT, uniforms: {size: {value: size}},
+});
+
+/** A function that reads where the mesh is now; and one that frees what it took. */
+function positionReader(mesh) {
+  const count = mesh.geometry.attributes.position.count, height = Math.ceil(count / WIDTH);
+  const target = new THREE.WebGLRenderTarget(WIDTH, height, {
     type: THREE.FloatType, minFilter: THREE.NearestFilter, magFilter: THREE.NearestFilter, depthBuffer: false,
-  });
-  const material = new THREE.ShaderMaterial({
-    glslVersion: THREE.GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT, uniforms: {size: {value: size}},
   });
   const points = new THREE.SkinnedMesh(mesh.geometry.clone().setIndex(null), material);
   Object.assign(points, {
@@ -50,24 +52,28 @@ function gpuPositions(mesh, camera) {
     bindMode: mesh.bindMode, morphTargetInfluences: mesh.morphTargetInfluences,
   });
   points.bind(mesh.skeleton, mesh.bindMatrix);
-  points.matrix.copy(mesh.matrixWorld);
-  const scene = new THREE.Scene().add(points);
-  points.updateMatrixWorld(true);
-  mesh.skeleton.update();
-  renderer.setRenderTarget(target);
-  renderer.setClearColor(0, 0);
-  renderer.clear();
-  renderer.render(scene, camera);
-  const pixels = new Float32Array(4 * size.x * size.y);
-  renderer.readRenderTargetPixels(target, 0, 0, size.x, size.y, pixels);
-  renderer.setRenderTarget(null);
-  for (const used of [target, material, points.geometry]) used.dispose();
-  const positions = [];
-  for (let i = 0; i < count; i++) {
-    if (pixels[4 * i + 3] !== 1) throw new Error(`vertex ${i} was not drawn`);
-    positions.push(...pixels.subarray(4 * i, 4 * i + 3));
-  }
-  return positions;
+  const scene = new THREE.Scene().add(points), camera = new THREE.PerspectiveCamera();
+  const pixels = new Float32Array(4 * WIDTH * height);
+  const read = () => {
+    points.matrix.copy(mesh.matrixWorld);
+    points.updateMatrixWorld(true);
+    mesh.skeleton.update();
+    size.set(WIDTH, height);
+    material.uniformsNeedUpdate = true;
+    renderer.setRenderTarget(target);
+    renderer.setClearColor(0, 0);
+    renderer.clear();
+    renderer.render(scene, camera);
+    renderer.readRenderTargetPixels(target, 0, 0, WIDTH, height, pixels);
+    renderer.setRenderTarget(null);
+    const positions = [];
+    for (let i = 0; i < count; i++) {
+      if (pixels[4 * i + 3] !== 1) throw new Error(`vertex ${i} was not drawn`);
+      positions.push(pixels[4 * i], pixels[4 * i + 1], pixels[4 * i + 2]);
+    }
+    return positions;
+  };
+  return [read, () => { target.dispose(); points.geometry.dispose(); }];
 }
 
 function cameraOf({position, target, fov, width, height}) {
@@ -110,11 +116,12 @@ async function done(job, number) {
       pose(job.time);
       return await picture(scene, job.view);
     }
-    const positions = [], camera = new THREE.PerspectiveCamera();
+    const readers = meshes.map(positionReader), positions = [];
     for (const time of job.times) {
       pose(time);
-      for (const mesh of meshes) for (const value of gpuPositions(mesh, camera)) positions.push(value);
+      for (const [read] of readers) for (const value of read()) positions.push(value);
     }
+    for (const [, free] of readers) free();
     return Float64Array.from(positions);
   } finally {
     for (const mesh of meshes) mesh.geometry.dispose();
