@@ -72,7 +72,8 @@ function network(entry, numbers) {
   if (entry.version !== VERSION || entry.encoding !== ENCODING || !entry.layers.every(known)) return null;
   const layers = entry.layers.map((/** @type {any} */ layer) =>
     ({weight: numbers(layer.weight), bias: numbers(layer.bias), activation: layer.activation}));
-  if (entry.joints.length !== JOINTS) throw new Error(`${NAME}: ${entry.joints.length} joints instead of ${JOINTS}`);
+  if (entry.joints.length !== JOINTS || !layers.length)
+    throw new Error(`${NAME}: ${entry.joints.length} joints and ${layers.length} layers, not ${JOINTS} and some`);
   let inputs = INPUTS;
   for (const {weight, bias} of layers) {
     if (weight.length !== inputs * bias.length || !weight.every(Number.isFinite) || !bias.every(Number.isFinite))
