@@ -34,11 +34,13 @@ $(ENGINES): tests/engines/package-lock.json
 	cd tests/engines && npm ci --no-audit --no-fund
 	touch $@
 
-# Compiles the example outfits with the example motion; open the results in any glTF viewer.
+# Compiles the example outfits with the example motion, and draws one: a contact sheet, and a page to open in a browser.
 demo: $(INSTALLED)
 	mkdir -p $(OUT)
 	$(BIN)/garmentc compile examples/tee_and_skirt.obj --motion $(MOTION) -o $(OUT)/tee_and_skirt.glb
 	$(BIN)/garmentc compile examples/tee_and_trousers.obj --motion $(MOTION) -o $(OUT)/tee_and_trousers.glb
+	$(BIN)/garmentc preview $(OUT)/tee_and_skirt.glb -o $(OUT)/tee_and_skirt.png
+	$(BIN)/garmentc preview $(OUT)/tee_and_skirt.glb -o $(OUT)/tee_and_skirt.html
 
 test: $(TEST_INSTALLED) $(ENGINES)
 	$(BIN)/python -m pytest
