@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
@@ -13,24 +13,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.emission import emit, file_meshes
 from garmentc.errors import GarmentcError
 from garmentc.families import deepsd
 from garmentc.families.bundle import Bundle, load_bundle
-from garmentc.gltf.asset import Asset, Clip, GltfOptions, RiggedMesh
-from garmentc.gltf.body_mesh import body_mesh
 from garmentc.gltf.meshopt import codec
-from garmentc.gltf.names import unique_names
-from garmentc.gltf.reorder import reordered
-from garmentc.gltf.skeletons import SKELETONS
-from garmentc.gltf.write import WrittenGlb, write_glb
-from garmentc.key_graph import write_key_graph
+from garmentc.layer import Dressed, Inputs, Layer
 from garmentc.options import CompileOptions
 from garmentc.outfit.align import Alignment, AlignOptions, align
 from garmentc.outfit.align.together import common_gender
-from garmentc.outfit.corners import CornerMesh, split_corners
+from garmentc.outfit.corners import split_corners
 from garmentc.outfit.obj import read_obj
-from garmentc.outfit.outfit import Outfit
-from garmentc.outfit.topology import Welded, edges, vertex_normals, weld
+from garmentc.outfit.topology import edges, vertex_normals, weld
 from garmentc.outfit.unwrap import unwrap
 from garmentc.output import check_outputs
 from garmentc.passes.follow_skin import FollowSkin, follow_skin
@@ -116,15 +110,6 @@ def _check(paths: Sequence[Path], options: CompileOptions) -> None:
             raise GarmentcError(f"--{option} is for one outfit, and {len(paths)} are given; leave it out")
 
 
-@dataclass(frozen=True)
-class Inputs:
-    """What was read before anything is known about the body."""
-
-    outfit: Outfit
-    parameters: Parameters
-    bundle: Bundle
-
-
 def read_inputs(outfit: Path, options: CompileOptions) -> Inputs:
     """Read and check the outfit with its materials, the parameters and the model bundle."""
     return Inputs(
@@ -132,17 +117,6 @@ def read_inputs(outfit: Path, options: CompileOptions) -> Inputs:
         parameters=Parameters() if options.params is None else read_parameters(options.params),
         bundle=load_bundle(options.bundle),
     )
-
-
-@dataclass(frozen=True)
-class Dressed:
-    """The outfit on its body, in the body's axes and T-pose, and the motions that this body will do."""
-
-    alignment: Alignment
-    outfit: Outfit
-    welded: Welded
-    corners: CornerMesh
-    motions: tuple[Motion, ...]
 
 
 def dress(source: Inputs, options: CompileOptions) -> Dressed:
@@ -234,19 +208,9 @@ def optimise(rig: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Rig, 
     return rig, tuple(reports)
 
 
-@dataclass(frozen=True)
-class Layer:
-    """An outfit at the end of the passes, with what it was made from. Several are worn on the same body."""
-
-    source: Inputs
-    dressed: Dressed
-    rig: Rig
-    passes: tuple[PassReport, ...]
-
-
 def quantized_together(layers: Sequence[Layer], options: CompileOptions) -> list[Layer]:
     """The layers with the error of quantization measured anew, where several meshes share a file's box of positions."""
-    rigs = [mesh.rig for mesh in _meshes(layers, options)]
+    rigs = [mesh.rig for mesh in file_meshes(layers, options)]
     if not options.settings.quantize or len(rigs) == 1:
         return list(layers)
     poses = plausible_poses(check=CHECKED_POSES)
@@ -257,63 +221,6 @@ def quantized_together(layers: Sequence[Layer], options: CompileOptions) -> list
         _, report = quantize(layer.rig, rounding, poses)
         measured.append(replace(layer, passes=(*layer.passes[:-1], report)))
     return measured
-
-
-def emit(layers: Sequence[Layer], options: CompileOptions, output: Path) -> WrittenGlb:
-    """Write the .glb and, where asked for, the pose-key network as ONNX."""
-    settings, first = options.settings, layers[0]
-    alignment, motions = first.dressed.alignment, first.dressed.motions
-    betas = () if alignment.betas is None else alignment.betas
-    meshes = _meshes(layers, options)
-    asset = Asset(
-        name=meshes[0].name,
-        rig=meshes[0].rig,
-        primitives=meshes[0].primitives,
-        materials=meshes[0].materials,
-        clips=tuple(Clip(motion) for motion in motions),
-        options=GltfOptions(
-            influences=settings.influences,
-            quantize=settings.quantize,
-            sparse=settings.sparse == "auto",
-            pose_keys=options.pose_keys,
-            skeleton=SKELETONS[options.skeleton],
-            meshopt=options.meshopt,
-        ),
-        extras={
-            "body": alignment.body.name,
-            "gender": alignment.gender,
-            "betas": ",".join(repr(float(beta)) for beta in betas),
-            "bundle": first.source.bundle.name,
-            "profile": options.profile,
-            **{f"fps:{motion.name}": float(motion.fps) for motion in motions},
-        },
-        also=meshes[1:],
-        ground=min(float(alignment.body.shaped(alignment.betas)[:, 1].min()), *(_lowest(mesh.rig) for mesh in meshes)),
-    )
-    written = write_glb(asset, output)
-    if options.keys_onnx is not None and first.rig.keys is not None:
-        write_key_graph(first.rig.keys, options.keys_onnx)
-    return written
-
-
-def _lowest(rig: Rig) -> float:
-    return float(rig.template[:, 1].min())
-
-
-def _meshes(layers: Sequence[Layer], options: CompileOptions) -> tuple[RiggedMesh, ...]:
-    """The outfits and, where asked for, the body, under different names."""
-    wanted = [options.name or layer.source.outfit.path.stem for layer in layers]
-    *names, body_name = unique_names([*wanted, "body"], SKELETONS[options.skeleton].joints)
-    meshes = [
-        RiggedMesh(name, layer.rig, layer.dressed.corners.primitives, layer.dressed.outfit.materials)
-        for name, layer in zip(names, layers, strict=True)
-    ]
-    if options.with_body:
-        alignment = layers[0].dressed.alignment
-        meshes.append(body_mesh(alignment.body, alignment.betas, body_name))
-    if options.meshopt:
-        meshes = [replace(mesh, primitives=tuple(map(reordered, mesh.primitives))) for mesh in meshes]
-    return tuple(meshes)
 
 
 class _Clock:

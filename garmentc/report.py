@@ -19,9 +19,9 @@ from garmentc.passes.report import PassReport
 
 if TYPE_CHECKING:
     from garmentc.gltf.write import WrittenGlb
+    from garmentc.layer import Dressed, Layer
     from garmentc.options import CompileOptions
     from garmentc.outfit.align import Alignment
-    from garmentc.pipeline import Dressed, Layer
 
 
 CORRECTIVE_POSES = 16

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from garmentc import pipeline
+from garmentc import emission, pipeline
 from garmentc.gltf.asset import GltfOptions
 from garmentc.gltf.bind import rest_joint_matrices
 from garmentc.gltf.evaluate import world_positions
@@ -110,7 +110,7 @@ def compile_case(case: Case, folder: Path) -> Compiled:
     written = pipeline.emit(layers, case.options, folder / f"{case}.glb")
     path = folder / f"{case}-all-keyframes.glb"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "GltfOptions", partial(GltfOptions, key_tolerance=0))
+        patch.setattr(emission, "GltfOptions", partial(GltfOptions, key_tolerance=0))
         pipeline.emit(layers, case.options, path)
     return Compiled(case, path, rig, dressed, written)
 
