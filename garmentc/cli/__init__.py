@@ -23,7 +23,7 @@ COMMANDS = {
     "pose": "Evaluate a .glb at a frame, a time or a pose; write OBJ or PLY.",
     "preview": "Draw a contact sheet of a .glb, or make a page with a viewer.",
     "body": "Show the body model or export it at given betas and pose.",
-    "evaluate": "Measure collisions and stretched edges of a .glb on a motion.",
+    "evaluate": "Measure a .glb along motions, or a model bundle against simulation.",
     "simulate": "Make a dataset of outfits in motion by simulation.",
     "dataset": "Check, draw and import datasets of outfits in motion.",
     "train": "Train networks on datasets of outfits, and export them.",
