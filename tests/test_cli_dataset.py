@@ -89,7 +89,7 @@ def test_export_outfit(run: CommandLine, tmp_path: Path) -> None:
         (["--preset", "huge", "--out", "d"], "unknown preset 'huge'; the presets are benchmark-v1, tshirt, small"),
         (["--category", "toga", "--out", "d"], "unknown category 'toga'"),
         (["--motion", "missing.npz", "--out", "d"], "missing.npz: cannot be read"),
-        (["--export-outfit", "1", "out.fbx"], "cannot write"),
+        (["--export-outfit", "1", "out.ply"], "name the file .obj"),
         ([], "give a folder for the dataset: --out DIR"),
     ],
 )

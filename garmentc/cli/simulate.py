@@ -128,13 +128,13 @@ def _progress(total: int, quiet: bool) -> Iterator[Callable[[Outcome], None]]:
 
 
 def _export(seed: int, path: Path) -> None:
-    from garmentc.mesh_file import check_mesh_suffix
     from garmentc.output import check_outputs
     from garmentc.simulation.outfits import generate_outfit, sample_parameters
     from garmentc.simulation.write_outfit import write_obj
     from garmentc.smpl.default_body import load_default_body
 
-    check_mesh_suffix(path)
+    if path.suffix.lower() != ".obj":
+        raise GarmentcError(f"cannot write an outfit as '{path.suffix}'; name the file .obj", path)
     check_outputs([path])
     parameters = sample_parameters(seed)
     try:
