@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,9 @@ from garmentc.gltf.read import read_glb
 from garmentc.gltf.state import rest_state
 from garmentc.gltf.validate import validate_glb
 from garmentc.gltf.write import WrittenGlb
-from garmentc.options import CompileOptions
+from garmentc.options import CompileOptions, Profile
 from garmentc.passes.prune_morphs import PruneMorphs
+from garmentc.passes.report import PassReport
 from garmentc.rig import Rig
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -99,13 +100,21 @@ def _inferred(outfit: Path) -> tuple[pipeline.Inputs, pipeline.Dressed, Rig]:
     return source, dressed, pipeline.infer(source.bundle, dressed)
 
 
+@cache
+def _optimised(outfit: Path, pruned: float | None, profile: Profile) -> tuple[Rig, tuple[PassReport, ...]]:
+    """The passes of a case; `profile` without quantization, which a pass only measures."""
+    _, dressed, rig = _inferred(outfit)
+    options = CompileOptions(motion=(MOTION,), profile="reference", **asdict(profile))
+    with pytest.MonkeyPatch.context() as patch:
+        if pruned is not None:
+            patch.setattr(pipeline, "PruneMorphs", partial(PruneMorphs, threshold=pruned))
+        return pipeline.optimise(rig, options, dressed)
+
+
 def compile_case(case: Case, folder: Path) -> Compiled:
     """Run the pipeline's stages, as `compile_outfit` does, and emit twice."""
-    source, dressed, rig = _inferred(case.outfit)
-    with pytest.MonkeyPatch.context() as patch:
-        if case.pruned is not None:
-            patch.setattr(pipeline, "PruneMorphs", partial(PruneMorphs, threshold=case.pruned))
-        rig, reports = pipeline.optimise(rig, case.options, dressed)
+    source, dressed, _ = _inferred(case.outfit)
+    rig, reports = _optimised(case.outfit, case.pruned, replace(case.options.settings, quantize=False))
     layers = [pipeline.Layer(source, dressed, rig, reports)]
     written = pipeline.emit(layers, case.options, folder / f"{case}.glb")
     path = folder / f"{case}-all-keyframes.glb"
