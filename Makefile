@@ -72,7 +72,7 @@ bench: $(TEST_INSTALLED)
 body: $(TEST_INSTALLED)
 	$(BIN)/python -m garmentc.smpl.build_body
 
-# Some 6 CPU hours and 400 MB, by estimate; may be stopped at any time and goes on where it was.
+# Some 3 CPU hours and 250 MB; may be stopped at any time and goes on where it was.
 data: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --editable ".[simulate]"
 	$(BIN)/garmentc simulate --preset benchmark-v1 --out $(DATA)/benchmark-v1
