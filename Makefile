@@ -63,10 +63,11 @@ check: $(TEST_INSTALLED)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy garmentc
 
-# Markdown tables of compile time and memory, and of the OBJ reader's throughput.
-bench: $(TEST_INSTALLED)
+# Markdown tables of compile time and memory, of the OBJ reader's throughput, and of sizes beside other packers'.
+bench: $(TEST_INSTALLED) $(ENGINES)
 	$(BIN)/python -m tests.benchmarks.bench_compile
 	$(BIN)/python -m tests.benchmarks.bench_obj
+	$(BIN)/python -m tests.benchmarks.bench_size
 
 # Builds the default body anew from its CC0 source, byte for byte as it is in the repository.
 body: $(TEST_INSTALLED)
