@@ -45,7 +45,8 @@ def picture(outfit: GeneratedOutfit, body: BodyModel, size: tuple[int, int]) -> 
     small = outfit.category in ("footwear", "headwear", "accessories")
     if small:
         low, high = outfit.vertices.min(axis=0) - 0.06, outfit.vertices.max(axis=0) + 0.06
-    height = 1.06 * max(high[1] - low[1], 0.78 * (high[0] - low[0]))
+    reach = 1.0 if small else 0.55  # of what a picture's width has to show; hands may be cut off
+    height = 1.06 * max(high[1] - low[1], reach * (high[0] - low[0]) * size[1] / size[0])
     seed = outfit.parameters.seed
     layers = [
         (outfit.vertices, outfit.triangles[outfit.triangle_part == part], seed + part)
