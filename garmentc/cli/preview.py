@@ -71,11 +71,13 @@ def command(
         count = write_page(asset, wearer, betas, output)
         shown = f"{count / 1e6:.1f} MB"
     else:
+        from garmentc.passes.blas import single_threaded_blas
         from garmentc.preview.sheet import SheetOptions, write_sheet
 
         names = tuple(name.strip() for name in views.split(",") if name.strip())
         options = SheetOptions(frames, names, size, animation, collisions)
-        with progress(["drawing"], quiet) as show:
+        # Many small products: more threads wait for one another, four times as long as the drawing takes.
+        with progress(["drawing"], quiet) as show, single_threaded_blas():
             width, height = write_sheet(asset, wearer, betas, output, options, lambda done: show("drawing", done))
         shown = f"{width} x {height} pixels"
     if not quiet:
