@@ -5,7 +5,7 @@ Blender never meets the package: it runs in its own Python (3.11 for Blender 4.5
     python3.11 -m venv blender && blender/bin/pip install 'bpy==4.5.*'
     python -m tests.simulation.compare_blender --python blender/bin/python --out compared
 
-prints the table of docs/dataset.md, and writes compared/<outfit>.png and the frames of both. Some five minutes on one
+prints the table of docs/dataset.md, and writes compared/<outfit>.png and the frames of both. Some ten minutes on one
 core. Not part of the test suite.
 """
 
@@ -39,7 +39,7 @@ OUTFITS = (20, 82)
 
 WALK_FRAMES = 45
 SETTLE_FRAMES = 60
-QUALITIES = (10, 40)
+QUALITIES = (6, 12)
 """Blender's substeps per frame."""
 
 CELL = (300, 340)
