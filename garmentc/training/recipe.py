@@ -77,10 +77,10 @@ class PhysicsStage(Optimisation):
     poses: int = 12
     bodies: int = 24
     random_bodies: int = 24
-    edge: float = 1.0
+    edge: float = 2.0
     bend: float = 5.0
-    collision: float = 3.0
-    deformation: float = 0.01
+    collision: float = 5.0
+    deformation: float = 0.03
     epsilon: float = 0.005
     surface: bool = False
     influences: tuple[int, ...] = (4, 4, 8)
