@@ -73,7 +73,7 @@ bench: $(TEST_INSTALLED) $(ENGINES)
 body: $(TEST_INSTALLED)
 	$(BIN)/python -m garmentc.smpl.build_body
 
-# Some 3 CPU hours and 250 MB; may be stopped at any time and goes on where it was.
+# Some 2.5 CPU hours and 250 MB; may be stopped at any time and goes on where it was.
 data: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --editable ".[simulate]"
 	$(BIN)/garmentc simulate --preset benchmark-v1 --out $(DATA)/benchmark-v1
