@@ -25,9 +25,10 @@ $(INSTALLED): pyproject.toml $(BIN)/python
 	$(BIN)/python -m pip install --quiet --editable .
 	touch $@
 
-# torch is pinned to the release that the networks were trained with, and only tests and training need it.
+# torch is pinned to the release that the networks were trained with, and only tests and training need it. The first
+# simulation on a machine compiles Newton's kernels, for two or three minutes.
 $(TEST_INSTALLED): $(INSTALLED)
-	$(BIN)/python -m pip install --quiet --editable ".[test,body]" "torch==2.13.0"
+	$(BIN)/python -m pip install --quiet --editable ".[test,body,simulate,distributed]" "torch==2.13.0" "tensorboardX>=2.6"
 	touch $@
 
 $(ENGINES): tests/engines/package-lock.json

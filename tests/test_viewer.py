@@ -17,7 +17,7 @@ from runtime_runs import EXAMPLES, PROGRAMS, network_of, node
 from scipy.spatial.transform import Rotation
 
 import garmentc
-from garmentc import pipeline
+from garmentc import emission
 from garmentc.gltf.asset import GltfOptions
 from garmentc.rig import KeyNetwork
 from garmentc.smpl.skeleton import JOINT_NAMES
@@ -48,7 +48,7 @@ def viewed(tmp_path_factory: pytest.TempPathFactory) -> Viewed:
     folder = tmp_path_factory.mktemp("viewed")
     motion = (EXAMPLES / "motions" / "step_turn_raise.npz",)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "GltfOptions", partial(GltfOptions, key_tolerance=0))
+        patch.setattr(emission, "GltfOptions", partial(GltfOptions, key_tolerance=0))
         garmentc.compile_outfit(EXAMPLES / "tee_and_skirt.obj", folder / "a.glb", motion=motion)
     times = [str(float(np.float32(frame / 30))) for frame in (43, 78)]
     said = json.loads(node(PROGRAMS / "viewer.mjs", folder / "a.glb", folder, *times))
