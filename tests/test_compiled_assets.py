@@ -48,7 +48,9 @@ SETTINGS = [
     case(SKIRT, PRUNED, influences=influences, morphs=morphs, sparse=sparse, quantize=quantize)
     for influences, morphs, sparse, quantize in product((4, 8), (8, 32, 128), ("auto", "never"), (False, True))
     # By default: mobile and web are quantized, desktop and reference have eight influences.
-    if FULL or (not quantize and (sparse == "auto" or influences == 4))
+    if FULL
+    or (sparse == "auto" and (influences, morphs) == (4, 32))
+    or (not quantize and (sparse == "auto" or influences == 4))
 ]
 EXAMPLE_CASES = [*(case(outfit, profile=profile) for outfit in (SKIRT, TROUSERS) for profile in PROFILES), *SETTINGS]
 
