@@ -1,4 +1,4 @@
-"""What a run keeps between sessions: checkpoint.pt, written whole or not at all, read without executing anything."""
+"""What a run keeps between starts: checkpoint.pt, written whole or not at all, read without executing anything."""
 
 from __future__ import annotations
 

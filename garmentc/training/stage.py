@@ -49,7 +49,7 @@ class Progress:
 
     stage    index of the stage
     step     of the stage; all before it are taken
-    seconds  of each stage so far, in all sessions
+    seconds  of each stage so far, over all starts
     figures  measured on held-out outfits at the end of each stage, by its name
     """
 
