@@ -145,6 +145,6 @@ class CompileOptions:
         own = {field.name: getattr(self, field.name) for field in fields(Profile)}
         chosen = {name: getattr(base, name) if value is None else value for name, value in own.items()}
         if self.sparse is None and chosen["quantize"] and not self.meshopt:
-            # glTF-Transform 4.5 writes sparse accessors of fractions as zeros, and they save a tenth at most.
+            # glTF-Transform 4.5 writes sparse accessors of fractions as zeros, and they save about a tenth.
             chosen["sparse"] = "never"
         return Profile(**chosen)
