@@ -1,8 +1,8 @@
 """The linear solver of cloth steps as one kernel: Newton's own launches six for every iteration.
 
 On the CPU a launch costs more than the arithmetic on a garment's vertices; with this solver a simulation of some 1,500
-vertices takes 0.6 of the time. Imported by `newton_cloth` only, after it has found Newton: kernels need their types when
-the file is read.
+vertices takes 0.6 of the time. Imported by `newton_cloth` only, after it has found Newton: kernels need their types
+when the file is read.
 """
 
 from __future__ import annotations
