@@ -145,7 +145,7 @@ def make_plan(
 
 
 def _outfit(preset: Preset, seed: int, index: int) -> PlannedOutfit:
-    held_out = is_block_held_out(index, seed)
+    held_out = preset.hold_out and is_block_held_out(index, seed)
     if preset.tshirt:
         style = tshirt_style(seed, index)
         return PlannedOutfit(f"tshirt{index:04d}", tshirt_parameters(seed, style), FABRICS[0], held_out, style)

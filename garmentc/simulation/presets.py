@@ -25,7 +25,7 @@ _CLOTHES = (
 class Preset:
     """What a dataset is made of.
 
-    outfits           how many; every fifth is held out
+    outfits           how many; every fifth is held out, unless `hold_out` says none
     walks             built-in motions: walks through sampled poses
     held_out_motions  of those
     known_motions     motions of each outfit that training may see
@@ -38,6 +38,7 @@ class Preset:
     vertex_limit      most vertices of an outfit, None as drawn
     tshirt            one T-shirt topology, fitted to bodies and styles, instead of outfits
     poses             where the poses of walks come from, a name of `pose_walk.POSE_SOURCES`
+    hold_out          whether outfits are held out at all
     """
 
     name: str
@@ -54,6 +55,7 @@ class Preset:
     vertex_limit: int | None = None
     tshirt: bool = False
     poses: str = "ranges"
+    hold_out: bool = True
 
 
 BENCHMARK = Preset(
@@ -66,6 +68,19 @@ BENCHMARK = Preset(
     known_sampled=18,
     frames=205,
     new_frames=64,
+)
+
+WARDROBE = Preset(  # many outfits in short motions: what a network needs to know of outfits, not of poses
+    "wardrobe-v1",
+    outfits=150,
+    walks=150,
+    held_out_motions=0,
+    known_motions=1,
+    new_motions=0,
+    known_sampled=18,
+    frames=96,
+    new_frames=96,
+    hold_out=False,
 )
 
 TSHIRT = Preset(
@@ -94,4 +109,4 @@ SMALL = Preset(
     vertex_limit=900,
 )
 
-PRESETS = {preset.name: preset for preset in (BENCHMARK, TSHIRT, SMALL)}
+PRESETS = {preset.name: preset for preset in (BENCHMARK, WARDROBE, TSHIRT, SMALL)}
