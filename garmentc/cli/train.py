@@ -29,7 +29,15 @@ def command() -> None:
 
 
 @command.command("deepsd")
-@click.option("--data", type=PATH, required=True, metavar="DIR", help="Dataset, as `garmentc simulate` makes it.")
+@click.option(
+    "--data",
+    "folders",
+    type=PATH,
+    required=True,
+    multiple=True,
+    metavar="DIR",
+    help="Dataset, as `garmentc simulate` makes it; repeatable.",
+)
 @click.option("--config", required=True, metavar="FILE", help="Recipe (.toml), or the name of one of garmentc's own.")
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder of the run: made, or resumed.")
 @click.option(
@@ -41,7 +49,7 @@ def command() -> None:
 @click.option("--measure", default="test", show_default=True, metavar="SPLIT", help="Split to measure for the log.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 def deepsd(
-    data: Path,
+    folders: tuple[Path, ...],
     config: str,
     out: Path,
     bodies: tuple[Path, ...],
@@ -66,14 +74,14 @@ def deepsd(
     _check_device(device)
     with joined(device == "cuda") as workers:
         show = _shown(workers, quiet)
-        trained = _train(recipe, data, out, bodies, time_limit, threads, measure, workers, show)
+        trained = _train(recipe, folders, out, bodies, time_limit, threads, measure, workers, show)
         if workers.leads:
             _finish(trained, out, show)
 
 
 def _train(
     recipe: Recipe,
-    data: Path,
+    folders: tuple[Path, ...],
     out: Path,
     bodies: tuple[Path, ...],
     time_limit: float | None,
@@ -85,27 +93,23 @@ def _train(
     import torch
 
     from garmentc.simulation.dataset import open_dataset
-    from garmentc.training.checkpoint import DataFacts
-    from garmentc.training.rigid_outfits import rigid_outfits
-    from garmentc.training.simulated_outfits import read_outfits, validation_split
     from garmentc.training.train_deepsd import train
+    from garmentc.training.training_data import read_training_data
 
     torch.set_num_threads(threads)
-    dataset = open_dataset(data)
-    if not dataset.complete and workers.leads:
-        print_warnings(
-            [Diagnostic("incomplete-dataset", "the dataset is incomplete; training on what is there", str(data))]
-        )
-    outfits = read_outfits(dataset, "train", recipe.metadata, bodies)
-    outfits, held_out = validation_split(outfits, recipe.validation)
-    if not recipe.validation and workers.leads:
-        held_out = read_outfits(dataset, measure, recipe.metadata, bodies)
-    facts = DataFacts(dataset.name, dataset.sha256, len(outfits), sum(map(len, outfits)))
-    show(f"{facts.outfits} outfits in {facts.frames} frames; {len(held_out)} held out")
-    outfits += rigid_outfits(recipe.rigid_outfits, outfits, recipe.seed) if outfits else []
+    datasets = [open_dataset(folder) for folder in folders]
+    unfinished = [folder for folder, data in zip(folders, datasets, strict=True) if not data.complete]
+    if workers.leads:
+        message = "the dataset is incomplete; training on what is there"
+        print_warnings([Diagnostic("incomplete-dataset", message, str(folder)) for folder in unfinished])
+    data = read_training_data(datasets, recipe, measure, bodies)
+    held_out = data.held_out if workers.leads else ()
+    show(f"{data.facts.outfits} outfits in {data.facts.frames} frames; {len(held_out)} held out")
     limit = None if time_limit is None else 60 * time_limit
     with _stoppable() as must_stop:
-        return train(recipe, outfits, held_out, facts, out, workers, time_limit=limit, must_stop=must_stop, show=show)
+        return train(
+            recipe, data.outfits, held_out, data.facts, out, workers, time_limit=limit, must_stop=must_stop, show=show
+        )
 
 
 def _finish(trained: Trained, out: Path, show: Callable[[str], None]) -> None:

@@ -68,9 +68,13 @@ def training_record(checkpoint: Checkpoint) -> dict[str, Any]:
             stage: {name: round(value, 3) for name, value in figures.items()}
             for stage, figures in progress.figures.items()
         },
-        "command": f"garmentc train deepsd --data {checkpoint.data.name} --config {_config(recipe)} --out run",
+        "command": f"garmentc train deepsd {_data(checkpoint)} --config {_config(recipe)} --out run",
         "versions": {"garmentc": __version__, "torch": torch.__version__, "numpy": np.__version__},
     }
+
+
+def _data(checkpoint: Checkpoint) -> str:
+    return " ".join(f"--data {name}" for name in checkpoint.data.name.split(" + "))
 
 
 def _config(recipe: Recipe) -> str:

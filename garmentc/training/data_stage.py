@@ -13,8 +13,9 @@ from torch import Tensor, nn
 
 from garmentc.training.batch_plan import Batch, BatchPlan
 from garmentc.training.deepsd_network import Deepsd, Descriptors
-from garmentc.training.losses import MM, largest, skin
+from garmentc.training.losses import MM, edge_lengths, largest, skin
 from garmentc.training.mirroring import mirrored_poses, mirrored_sample, mirrored_transforms, mirrored_vertices
+from garmentc.training.outfit_sample import OutfitSample
 from garmentc.training.pose_encodings import POSE_ENCODINGS
 from garmentc.training.recipe import Optimisation, Recipe
 from garmentc.training.simulated_outfits import SimulatedOutfit
@@ -51,9 +52,12 @@ class DataLearning:
         rng = np.random.default_rng(batch.seed)
         outfit = self.outfits[batch.outfit]
         sample, poses = outfit.sample, outfit.poses[batch.poses]
-        rows = None
+        rows, edges, rest_lengths = None, sample.edges, sample.rest_lengths
         if 0 < settings.vertices < len(sample.vertices):
-            rows = np.sort(rng.choice(len(sample.vertices), settings.vertices, replace=False))
+            if settings.edge:
+                rows, edges, rest_lengths = drawn_edges(sample, settings.vertices, rng)
+            else:
+                rows = np.sort(rng.choice(len(sample.vertices), settings.vertices, replace=False))
         targets = outfit.targets(batch.poses, rows)
         transforms = outfit.transforms[batch.poses]
         if rng.random() < 0.5 * self.recipe.mirror:
@@ -85,11 +89,24 @@ class DataLearning:
             "deformation": (deformations * MM).square().sum(dim=-1).mean(),
         }
         total = terms[settings.loss]
+        if settings.edge:
+            terms["edge"] = (edge_lengths(posed, edges) - rest_lengths).abs().mean() * MM
+            total = total + settings.edge * terms["edge"]
         if done < settings.prior_share:
             fading = 0.1 ** (done / settings.prior_share)
             priors = settings.weight_prior * terms["weights"] + settings.deformation_prior * terms["deformation"]
             total = total + fading * priors
         return total, terms
+
+
+def drawn_edges(
+    sample: OutfitSample, vertices: int, rng: np.random.Generator
+) -> tuple[NDArray[np.intp], Tensor, Tensor]:
+    """Some edges: the vertices at their ends, at most `vertices`; the edges as indices into those; lengths at rest."""
+    count = min(vertices // 2, len(sample.edges))
+    drawn = torch.from_numpy(rng.choice(len(sample.edges), count, replace=False)).to(sample.edges.device)
+    rows, ends = np.unique(sample.edges[drawn].cpu().numpy(), return_inverse=True)
+    return rows, torch.from_numpy(ends.reshape(-1, 2)).to(sample.edges.device), sample.rest_lengths[drawn]
 
 
 def _thinned(descriptors: Descriptors, share: float, seed: int) -> Descriptors:

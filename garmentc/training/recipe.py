@@ -43,6 +43,8 @@ class DataStage(Optimisation):
 
     loss               "distance": mean distance in mm, what is measured in the end; "squared": mean squared, mm²
     vertices           of an outfit that are compared, drawn anew each time; 0: all
+    edge               on the mean change of edge lengths from those at rest, mm: what blend weights and Ψ stretch, χ
+                       can hardly mend
     prior_share        of the steps in which the two priors hold; each falls to a tenth in them (section 9)
     weight_prior       on the cross-entropy of W and the weights of the nearest body vertex; the paper's squared
                        difference hardly moves a softmax that is sure of a wrong joint
@@ -55,6 +57,7 @@ class DataStage(Optimisation):
     outfits_per_step: tuple[int, ...] = (1, 2, 4)
     loss: str = "distance"
     vertices: int = 1024
+    edge: float = 0.0
     prior_share: float = 0.1
     weight_prior: float = 100.0
     deformation_prior: float = 1.0
@@ -97,6 +100,8 @@ class Recipe:
     validation     outfits of the training split that are measured in place of held-out ones and not learned from:
                    for choosing a recipe without looking at what is held out
     rigid_outfits  shoes, hats, bands and gloves mixed in, see `garmentc.training.rigid_outfits`
+    single_garments
+                   each garment of an outfit of several is also learned from alone
     measure_every  steps between measurements on held-out outfits, which nothing depends on; 0: only at the end
     """
 
@@ -109,6 +114,7 @@ class Recipe:
     metadata: tuple[str, ...] = ()
     validation: int = 0
     rigid_outfits: int = 0
+    single_garments: bool = False
     measure_every: int = 1000
 
     def document(self) -> dict[str, Any]:
