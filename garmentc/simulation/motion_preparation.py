@@ -97,7 +97,7 @@ def prepare_motion(
         again[~clear] = overlap.clear_throughout(bridged_poses)[~clear]
     else:
         bridged_poses, bridged_trans, again = poses, trans, clear
-    way_poses, way_trans = _way_in(bridged_poses[0], bridged_trans[0], options)
+    way_poses, way_trans = way_in(bridged_poses[0], bridged_trans[0], options)
     ready = replace(
         even,
         poses=np.concatenate([way_poses, bridged_poses]),
@@ -209,7 +209,7 @@ def _bridged(
     return _between(poses[start], poses[end], share), trans[start] + (trans[end] - trans[start]) * share[:, None]
 
 
-def _way_in(
+def way_in(
     pose: NDArray[np.float64], trans: NDArray[np.float64], options: PreparationOptions
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Frames from rest to the first pose (24, 3) and translation (3,), easing in and out, and the pause there."""
