@@ -77,6 +77,25 @@ def test_blend_shapes_deform_by_keys_relative_to_rest(variant: dict[str, object]
     assert not network.deformations(descriptors, torch.zeros_like(poses)).any()
 
 
+@pytest.mark.parametrize("encoding", sorted(POSE_ENCODINGS))
+def test_keys_are_blind_to_ignored_joints_and_nothing_else(encoding: str) -> None:
+    from garmentc.training.export_deepsd import key_network
+
+    network = made(ignored_joints=(15, 22), pose_encoding=encoding).float()
+    poses = np.random.default_rng(4).normal(0, 0.4, (3, 24, 3))
+    poses[1] = poses[2] = poses[0]
+    poses[1, [15, 22]] += 0.3
+    poses[2, 16] += 0.3
+    encoded = torch.from_numpy(POSE_ENCODINGS[encoding].encode(poses).astype(np.float32))
+    keys = network.absolute_keys(encoded)
+    torch.testing.assert_close(keys[1], keys[0])
+    assert (keys[2] - keys[0]).abs().max() > 1e-3
+    first = key_network(network).layers[0].weight
+    torch.testing.assert_close(
+        torch.from_numpy(first @ encoded[1].numpy()), torch.from_numpy(first @ encoded[0].numpy())
+    )
+
+
 def test_the_baseline_sees_descriptor_and_pose_side_by_side() -> None:
     network = made(deformation="vertices")
     descriptors, poses = network.descriptors(*inputs()), features(network)

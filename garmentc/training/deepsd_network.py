@@ -38,6 +38,8 @@ class DeepsdConfig:
     global_descriptor  whether heads see the outfit as a whole
     pose_embedding     whether an MLP makes the keys; otherwise the encoded pose is the keys
     pose_encoding      one of POSE_ENCODINGS; a bundle can only have the first
+    ignored_joints     whose rotations the keys do not see: what a hand or a foot does says nothing about cloth, but
+                       with few motions a network finds coincidences (TailorNet masks joints too)
     metadata_width     numbers that describe fabric and fit, see `garmentc.training.metadata`
     """
 
@@ -52,6 +54,7 @@ class DeepsdConfig:
     global_descriptor: bool = True
     pose_embedding: bool = True
     pose_encoding: str = ENCODING_GRAVITY_AXIS_ANGLE
+    ignored_joints: tuple[int, ...] = ()
     metadata_width: int = 0
 
     @property
@@ -107,6 +110,8 @@ class Deepsd(nn.Module):
     Only blend-shape models have χ. The modules that a variant does without are absent.
     """
 
+    seen: Tensor
+
     def __init__(self, config: DeepsdConfig | None = None) -> None:
         super().__init__()
         self.config = config = config or DeepsdConfig()
@@ -125,6 +130,7 @@ class Deepsd(nn.Module):
             self.data_head = _mlp((features + config.pose_code, *config.shape_head, 3))
         if config.deformation != NONE and config.pose_embedding:
             self.pose_head = _mlp((config.pose_features, *config.pose_head, config.keys))
+            self.register_buffer("seen", seen_features(config), persistent=False)
         for module in self.modules():
             if isinstance(module, nn.Linear):
                 nn.init.xavier_normal_(module.weight)
@@ -191,7 +197,7 @@ class Deepsd(nn.Module):
         """g: encoded poses (T, 72) to keys (T, P), each row of positive numbers that sum to 1."""
         if not self.config.pose_embedding:
             return features
-        keys = torch.relu(self.pose_head(features))
+        keys = torch.relu(self.pose_head(features * self.seen))
         return keys / (keys.sum(dim=1, keepdim=True) + NORMALIZED_RELU_EPSILON)
 
     def pose_keys(self, features: Tensor) -> Tensor:
@@ -223,6 +229,16 @@ class Deepsd(nn.Module):
             return result
 
         return moved
+
+
+def seen_features(config: DeepsdConfig) -> Tensor:
+    """(pose_features,): 0 for the numbers of ignored joints, 1 for all others; the first three are the root's."""
+    per_joint = (config.pose_features - 3) // (config.joints - 1)
+    seen = torch.ones(config.pose_features)
+    for joint in config.ignored_joints:
+        start = 3 + (joint - 1) * per_joint
+        seen[start : start + per_joint] = 0
+    return seen
 
 
 def combined(keys: Tensor, shapes: Tensor) -> Tensor:

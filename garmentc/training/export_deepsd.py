@@ -177,10 +177,12 @@ def key_network(network: Deepsd) -> KeyNetwork:
         return KeyNetwork((_dense(np.eye(config.pose_features), np.zeros(config.pose_features)),))
     layers = [layer for layer in network.pose_head if isinstance(layer, torch.nn.Linear)]
     kinds = ["relu"] * (len(layers) - 1) + ["normalized_relu"]
+    weights = [layer.weight.detach().numpy() for layer in layers]
+    weights[0] = weights[0] * network.seen.numpy()
     return KeyNetwork(
         tuple(
-            _dense(layer.weight.detach().numpy(), layer.bias.detach().numpy(), kind)
-            for layer, kind in zip(layers, kinds, strict=True)
+            _dense(weight, layer.bias.detach().numpy(), kind)
+            for weight, layer, kind in zip(weights, layers, kinds, strict=True)
         )
     )
 

@@ -41,6 +41,7 @@ ABLATIONS = (
     Ablation("encoding_gravity_matrix", "pose as rotation matrices and gravity", None, False),
     Ablation("squared_loss", "the squared distance as loss, as in the paper"),
     Ablation("no_mirror", "without mirrored outfits"),
+    Ablation("ignored_joints", "keys do not see toes, head, wrists and hands"),
     Ablation("edge", "and edges keep their length in stage A"),
 )
 
