@@ -48,6 +48,14 @@ class Anchors:
         row, share = np.repeat(np.arange(len(own)), count), np.full(nearest.size, 1 / count, dtype=np.float32)
         return csr_matrix((share, (row, nearest.ravel())), shape=(len(own), len(own)))
 
+    def joined(self, edges: NDArray[Any]) -> NDArray[np.intp]:
+        """Pairs (K, 2) of anchors that `edges` (E, 2) of the outfit join: each vertex counts as its nearest anchor."""
+        if len(self.rows) == len(self.places):
+            return edges.astype(np.intp)
+        pairs = np.sort(self._tree.query(self.places)[1][edges], axis=1)
+        joined: NDArray[np.intp] = np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0)
+        return joined
+
     def interpolators(self, size: int) -> Iterator[tuple[slice, Any]]:
         """Blocks of at most `size` vertices and, for each, the sparse (B, n) float32 that takes anchors' values to it.
 

@@ -40,6 +40,10 @@ class Contacts:
     clearance: NDArray[np.float32]
     gradient: NDArray[np.float32]
 
+    def of_poses(self, rows: slice) -> Contacts:
+        """The contacts in some of the poses."""
+        return Contacts(self.clearance[rows], self.gradient[rows])
+
 
 def find_contacts(
     rig: Rig, body: BodyModel, betas: NDArray[Any] | None, poses: NDArray[Any], depth: float = DEPTH
@@ -60,7 +64,7 @@ def find_contacts(
     faces, near_joints = body.faces[reachable], near_joints[reachable]
     skins = body.astype(np.float32).posed(poses, betas)
     transforms = joint_transforms(axis_angle_to_matrix(poses), rig.joints.astype(np.float32))[:, :, :3]
-    rest = rig.template.astype(np.float32) + _displacements(rig, poses)
+    rest = rest_vertices(rig, poses)
     clearance = np.full(rest.shape[:2], _FAR, dtype=np.float32)
     gradient = np.zeros(rest.shape, dtype=np.float32)
 
@@ -94,10 +98,11 @@ def wanted_clearance(rig: Rig, body: BodyModel, betas: NDArray[Any] | None, clea
     return np.maximum(CLOSEST, wanted)
 
 
-def _displacements(rig: Rig, poses: NDArray[Any]) -> NDArray[np.float32]:
+def rest_vertices(rig: Rig, poses: NDArray[Any]) -> NDArray[np.float32]:
+    """Rest vertices (P, N, 3), moved by the blend shapes of `poses` (P, 24, 3) but not skinned."""
     flat = rig.blend_shapes.reshape(rig.morph_count, -1).astype(np.float32)
     moved: NDArray[np.float32] = (rig.pose_keys(poses) @ flat).reshape(len(poses), -1, 3)
-    return moved
+    return rig.template.astype(np.float32) + moved
 
 
 def _neighbouring_joints() -> NDArray[np.float32]:

@@ -37,6 +37,7 @@ ABLATIONS = (
     Ablation("keys_32", "32 keys"),
     Ablation("keys_64", "64 keys"),
     Ablation("encoding_axis_angle", "pose as 24 axis-angles with heading, as in the paper", None, False),
+    Ablation("encoding_gravity_joints", "pose as axis-angles, and gravity in the frame of every joint", None, False),
     Ablation("encoding_gravity_6d", "pose as 6 numbers a joint and gravity", None, False),
     Ablation("encoding_gravity_matrix", "pose as rotation matrices and gravity", None, False),
     Ablation("squared_loss", "the squared distance as loss, as in the paper"),
