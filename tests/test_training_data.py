@@ -1,4 +1,4 @@
-"""What training reads: several datasets, nothing that one of them holds out, garments alone, edges."""
+"""What training reads: several datasets, nothing that one of them holds out, edges."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from garmentc.simulation.task_graph import run_plan
 
 pytest.importorskip("torch")
 
+
 from garmentc.training.data_stage import drawn_edges
 from garmentc.training.recipe import DataStage, Recipe
 from garmentc.training.simulated_outfits import read_outfits
-from garmentc.training.single_garments import single_garments
 from garmentc.training.training_data import read_training_data
 
 RECIPE = Recipe(DataStage(10))
@@ -55,21 +55,6 @@ def test_what_a_dataset_holds_out_is_not_learned_from_another(dataset: Dataset, 
     assert any(np.array_equal(outfit.template, held_out) for outfit in more.sequences("train"))
     with pytest.raises(GarmentcError, match=r"holds out the outfit .* simulate that one with another --seed"):
         read_training_data([dataset, more], RECIPE, "test")
-
-
-def test_garments_alone_move_as_they_do_together(dataset: Dataset) -> None:
-    whole = read_outfits(dataset, "train")[0]
-    assert list(single_garments([whole])) == []
-    count = len(whole.sample.vertices)
-    low = (whole.sample.vertices[:, 1] < whole.sample.vertices[:, 1].median()).numpy()
-    two = replace(whole, garment=low.astype(np.intp))
-    first, second = single_garments([two])
-    every = np.arange(len(whole))
-    assert len(first.sample.vertices) + len(second.sample.vertices) == count
-    np.testing.assert_array_equal(second.targets(every), whole.targets(every, np.flatnonzero(low)))
-    np.testing.assert_array_equal(second.sample.vertices, whole.sample.vertices[low])
-    corners = whole.sample.vertices[whole.sample.triangles[low[whole.sample.triangles.numpy()].all(axis=1)]]
-    np.testing.assert_array_equal(second.sample.vertices[second.sample.triangles], corners)
 
 
 def test_drawn_edges_are_edges_between_drawn_vertices(dataset: Dataset) -> None:

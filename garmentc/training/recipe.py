@@ -100,8 +100,6 @@ class Recipe:
     validation     outfits of the training split that are measured in place of held-out ones and not learned from:
                    for choosing a recipe without looking at what is held out
     rigid_outfits  shoes, hats, bands and gloves mixed in, see `garmentc.training.rigid_outfits`
-    single_garments
-                   each garment of an outfit of several is also learned from alone
     measure_every  steps between measurements on held-out outfits, which nothing depends on; 0: only at the end
     """
 
@@ -114,7 +112,6 @@ class Recipe:
     metadata: tuple[str, ...] = ()
     validation: int = 0
     rigid_outfits: int = 0
-    single_garments: bool = False
     measure_every: int = 1000
 
     def document(self) -> dict[str, Any]:

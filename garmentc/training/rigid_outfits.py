@@ -68,7 +68,6 @@ def _skinned(
     return SimulatedOutfit(
         make_sample(name, vertices, triangles, body, prior=weights),
         "rigid",
-        np.zeros(len(vertices), np.intp),
         np.zeros_like(wearer.metadata),
         poses,
         transforms[:, :, :3],
@@ -88,5 +87,4 @@ def worn_together(first: SimulatedOutfit, second: SimulatedOutfit) -> SimulatedO
     )
     every = np.arange(len(first))
     both = np.concatenate([first.targets(every), second.targets(every)], axis=1)
-    garment = np.concatenate([first.garment, second.garment + first.garment.max() + 1])
-    return replace(first, sample=sample, garment=garment, steps=compact(both))
+    return replace(first, sample=sample, steps=compact(both))

@@ -29,7 +29,6 @@ class SimulatedOutfit:
 
     sample      the outfit at rest
     category    of garments
-    garment     (N,) which garment of the outfit a vertex belongs to
     metadata    (metadata_width,) float32
     poses       (T, 24, 3) float32 axis-angle
     transforms  (T, 24, 3, 4) float32: of the joints, without the root's translation
@@ -39,7 +38,6 @@ class SimulatedOutfit:
 
     sample: OutfitSample
     category: str
-    garment: NDArray[np.intp]
     metadata: NDArray[np.float32]
     poses: NDArray[np.float32]
     transforms: NDArray[np.float32]
@@ -93,12 +91,9 @@ def validation_split(outfits: list[SimulatedOutfit], count: int) -> tuple[list[S
 def simulated_outfit(sequence: Sequence, metadata: Ordered[str], body: BodyModel) -> SimulatedOutfit:
     """The outfit of one sequence, on the body that it was simulated on."""
     sample = make_sample(sequence.facts.outfit, sequence.template, sequence.faces, PosableBody.of(body, sequence.betas))
-    garment = np.zeros(len(sequence.template), np.intp)
-    garment[sequence.faces] = sequence.triangle_part[:, None]
     outfit = SimulatedOutfit(
         sample,
         sequence.facts.category,
-        garment,
         metadata_of(metadata, sequence.facts),
         np.zeros((0, 24, 3), np.float32),
         np.zeros((0, 24, 3, 4), np.float32),

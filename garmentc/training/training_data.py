@@ -13,7 +13,6 @@ from garmentc.training.checkpoint import DataFacts
 from garmentc.training.recipe import Recipe
 from garmentc.training.rigid_outfits import rigid_outfits
 from garmentc.training.simulated_outfits import SimulatedOutfit, read_outfits, validation_split
-from garmentc.training.single_garments import single_garments
 
 HELD_OUT = ("test", "test_outfits")
 
@@ -45,11 +44,8 @@ def read_training_data(
     if not recipe.validation:
         held_out = [outfit for data in datasets for outfit in read_outfits(data, measure, recipe.metadata, bodies)]
     facts = data_facts(datasets, outfits)
-    whole = outfits
-    if recipe.single_garments:
-        outfits = [*outfits, *single_garments(whole)]
-    if whole:
-        outfits = [*outfits, *rigid_outfits(recipe.rigid_outfits, whole, recipe.seed)]
+    if outfits:
+        outfits = [*outfits, *rigid_outfits(recipe.rigid_outfits, outfits, recipe.seed)]
     return TrainingData(tuple(outfits), tuple(held_out), facts)
 
 
