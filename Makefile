@@ -11,7 +11,7 @@ INSTALLED      := $(VENV)/installed.stamp
 TEST_INSTALLED := $(VENV)/installed-test.stamp
 ENGINES        := tests/engines/node_modules/installed.stamp
 
-.PHONY: install demo test conformance check bench body data clean
+.PHONY: install demo test conformance check bench body data ablations clean
 .DEFAULT_GOAL := install
 
 install: $(INSTALLED)
@@ -74,11 +74,16 @@ bench: $(TEST_INSTALLED) $(ENGINES)
 body: $(TEST_INSTALLED)
 	$(BIN)/python -m garmentc.smpl.build_body
 
-# Some 2.5 CPU hours and 250 MB; may be stopped at any time and goes on where it was.
+# Some 4 CPU hours and 350 MB; may be stopped at any time and goes on where it was.
 data: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --editable ".[simulate]"
 	$(BIN)/garmentc simulate --preset benchmark-v1 --out $(DATA)/benchmark-v1
+	$(BIN)/garmentc simulate --preset wardrobe-v1 --seed 1 --out $(DATA)/wardrobe-v1
 	$(BIN)/garmentc simulate --preset tshirt --out $(DATA)/tshirt
+
+# Trains every variant of DeePSD that the paper compares, and writes docs/ablations.md. Some 90 CPU minutes, after `make data`.
+ablations: $(TEST_INSTALLED)
+	PYTHONPATH=tests $(BIN)/python -m ablations --data $(DATA)/benchmark-v1 --runs $(DATA)/ablations
 
 clean:
 	rm -rf $(OUT) $(VENV) tests/engines/node_modules
