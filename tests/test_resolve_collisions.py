@@ -1,4 +1,4 @@
-"""Pushing an outfit out of its body, judged on poses the pass has not seen, with exact distances."""
+"""Pushing an outfit out of its body without stretching it, judged with exact distances, mostly on unseen poses."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import pytest
 from gltf_samples import make_rig
 from worn import BODY, collided, trousers
 
-from garmentc.evaluation.metrics import edge_lengths, edge_mm
+from garmentc.evaluation.metrics import bend, edge_lengths, edge_mm
 from garmentc.outfit.topology import edges
 from garmentc.passes.pose_set import PoseSet, plausible_poses
 from garmentc.passes.report import PassReport
 from garmentc.passes.resolve_collisions import ResolveCollisions, resolve_collisions
 from garmentc.rig import Rig
+from garmentc.smpl.skeleton import JOINT_NAMES
 
 POSES = plausible_poses(fit=512, check=64)
-SETTINGS = ResolveCollisions(poses=128, iterations=8)  # the sample network is untrained: it needs more to go by
+SETTINGS = ResolveCollisions(poses=128, iterations=20)  # the sample network is untrained: it needs more to go by
 
 
 @pytest.fixture(scope="module")
@@ -41,14 +42,70 @@ def test_the_rest_pose_stays_as_it_is(garment: Rig, resolved: tuple[Rig, PassRep
     np.testing.assert_allclose(resolved[0].posed(np.zeros((24, 3))), garment.template, atol=1e-6)
 
 
-def test_the_cloth_stays_smooth(garment: Rig, resolved: tuple[Rig, PassReport]) -> None:
-    pairs = edges(garment.triangles)
-    rest = edge_lengths(garment.template, pairs)
+def stretch(rig: Rig, poses: np.ndarray) -> float:
+    """Mean change of edge length, millimetres."""
+    pairs = edges(rig.triangles)
+    rest = edge_lengths(rig.template, pairs)
+    return float(np.mean([edge_mm(vertices, rest, pairs) for vertices in rig.posed(poses)]))
+
+
+def test_coming_out_of_the_body_stretches_next_to_nothing(garment: Rig, resolved: tuple[Rig, PassReport]) -> None:
+    poses = POSES.check[:24]
+    assert stretch(resolved[0], poses) < stretch(garment, poses) + 0.05
+
+
+def test_a_shin_that_sinks_in_as_a_whole_comes_out_as_a_whole(garment: Rig) -> None:
+    """A leg that hardly bends at the knee. Pushing each vertex by itself costs 0.3 mm."""
+    weights = garment.weights.copy()
+    weights[:, JOINT_NAMES.index("left_hip")] += 0.4 * weights[:, JOINT_NAMES.index("left_knee")]
+    weights[:, JOINT_NAMES.index("left_knee")] *= 0.6
+    lazy = replace(garment, weights=weights)
+    rig, _ = resolve_collisions(lazy, SETTINGS, POSES, BODY)
+    poses = POSES.check[:8]
+    before = collided(lazy, poses)
+    assert before > 0.03
+    assert collided(rig, poses) < 0.3 * before
+    assert stretch(rig, poses) < stretch(lazy, poses) + 0.2
+
+
+def test_edges_come_back_to_their_lengths_in_unseen_poses() -> None:
+    """Loose cloth, which has little to do with the body."""
+    loose, poses = trousers(gap=0.02), POSES.check[:24]
+    rig, _ = resolve_collisions(loose, SETTINGS, POSES, BODY)
+    assert stretch(rig, poses) < 0.95 * stretch(loose, poses)
+
+
+def test_a_lace_does_not_run_wild() -> None:
+    """Vertices in a row are the worst case for rounds that overshoot."""
+    rng = np.random.default_rng(7)
+    count = 60
+    lace = np.column_stack([0.001 * (np.arange(count) % 2), np.linspace(0, -0.6, count), np.full(count, 3.0)])
+    triangles = (np.arange(count - 2)[:, None] + np.arange(3)).astype(np.int32)
+    weights = rng.dirichlet(np.full(3, 5.0), count) @ np.eye(24)[[1, 4, 7]]
+    whole = trousers()
+    rig = replace(
+        whole,
+        template=lace,
+        triangles=triangles,
+        weights=weights.astype(np.float32),
+        blend_shapes=np.zeros((whole.morph_count, count, 3), np.float32),
+    )
+    poses = POSES.fit[:24]
+    relaxed = [
+        resolve_collisions(rig, replace(SETTINGS, iterations=rounds, ridge=0.01), POSES, BODY)[0]
+        for rounds in (20, 200)
+    ]
+    assert stretch(relaxed[0], poses) < stretch(rig, poses)
+    assert stretch(relaxed[1], poses) < stretch(rig, poses)
+
+
+def test_cloth_is_not_crumpled(garment: Rig, resolved: tuple[Rig, PassReport]) -> None:
+    pairs, poses = edges(garment.triangles), POSES.check[:12]
     before, after = (
-        np.mean([edge_mm(vertices, rest, pairs) for vertices in rig.posed(POSES.check[:12])])
+        np.mean([bend(vertices, rig.triangles, pairs) for vertices in rig.posed(poses)])
         for rig in (garment, resolved[0])
     )
-    assert after < before + 0.4
+    assert after < 1.25 * before
 
 
 def test_only_shapes_change(garment: Rig, resolved: tuple[Rig, PassReport]) -> None:
@@ -61,10 +118,12 @@ def test_only_shapes_change(garment: Rig, resolved: tuple[Rig, PassReport]) -> N
     assert not garment.blend_shapes.any()
 
 
-def test_what_is_far_from_the_body_is_left_alone(garment: Rig) -> None:
-    far = replace(garment, template=garment.template + np.array([0, 0, 3.0]))
+def test_what_is_far_from_the_body_and_moves_as_one_is_left_alone(garment: Rig) -> None:
+    weights = np.zeros_like(garment.weights)
+    weights[:, 0] = 1
+    far = replace(garment, template=garment.template + np.array([0, 0, 3.0]), weights=weights)
     rig, _ = resolve_collisions(far, ResolveCollisions(poses=8), POSES, BODY)
-    assert not rig.blend_shapes.any()
+    assert np.abs(rig.blend_shapes).max() < 1e-4
 
 
 def test_few_anchors_move_the_vertices_between_them(garment: Rig) -> None:

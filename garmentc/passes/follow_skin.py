@@ -30,6 +30,7 @@ class FollowSkin:
     """When cloth follows the skin.
 
     reach      metres: cloth this far from the skin takes a share 1/e of the skin's weights, nearer cloth more
+    tight      metres: cloth this close clings to the skin, and takes its weights even where they save nothing
     saved      metres of mean penetration that the skin's weights must save for a vertex to take them
     clearance  metres that cloth should keep from the skin, as in ResolveCollisions
     poses      how many poses to look at
@@ -38,11 +39,12 @@ class FollowSkin:
     """
 
     reach: float = 0.02
+    tight: float = 0.003
     saved: float = 5e-4
     clearance: float = 0.006
     poses: int = 20
     anchors: int = 2000
-    smoothing: int = 10
+    smoothing: int = 30
 
 
 def follow_skin(
@@ -52,7 +54,8 @@ def follow_skin(
 
     A network knows a body's joints roughly: a short sleeve that follows the trunk a little too much lets the arm
     through. The skin's own weights are right there, but make everything else as stiff as skin. So each vertex takes
-    them as far as that saves it from penetration in the poses to fit, and all others keep the network's.
+    them as far as that saves it from penetration in the poses to fit, or as it clings to the skin at rest, as a shoe
+    does; all others keep the network's.
     """
     skin = body.shaped(betas)
     anchors = Anchors.of(rig, options.anchors)
@@ -64,9 +67,10 @@ def follow_skin(
     lacking = np.maximum(np.concatenate([wanted, wanted]) - contacts.clearance, 0).mean(axis=0)
     before, after = np.split(lacking, 2)
     saves = np.clip((before - after) / options.saved, 0, 1)
-    choice = saves
+    clings = np.exp(-((closest_on_surface(part.template, skin, body.faces).distance / options.tight) ** 2))
+    chosen = choice = np.maximum(saves, clings)
     for _ in range(options.smoothing):
-        choice = np.maximum(saves, anchors.smoother @ choice)
+        choice = np.maximum(chosen, anchors.smoother @ choice)
     everywhere = np.empty(rig.vertex_count)
     for rows, interpolator in anchors.interpolators(_VERTICES_AT_ONCE):
         everywhere[rows] = interpolator @ choice
