@@ -47,7 +47,7 @@ class ResolveCollisions:
     clearance: float = 0.008
     poses: int = 80
     anchors: int = 3000
-    iterations: int = 12
+    iterations: int = 18
     ridge: float = 3.0
     relaxation: float = 1.0
     smoothing: float = 0.2
