@@ -14,7 +14,7 @@ from garmentc.outfit.topology import edges
 from garmentc.passes.pose_set import PoseSet, plausible_poses
 from garmentc.passes.report import PassReport
 from garmentc.passes.resolve_collisions import ResolveCollisions, resolve_collisions
-from garmentc.rig import Rig
+from garmentc.rig import DenseLayer, KeyNetwork, Rig
 from garmentc.smpl.skeleton import JOINT_NAMES
 
 POSES = plausible_poses(fit=512, check=64)
@@ -152,3 +152,13 @@ def test_a_rig_without_blend_shapes_cannot_be_helped() -> None:
     rig, report = resolve_collisions(bare, ResolveCollisions(), PoseSet(POSES.fit[:4], POSES.check[:4]), BODY)
     assert rig is bare
     assert report.error is None
+
+
+def test_keys_that_never_move_cannot_help(garment: Rig) -> None:
+    """A bundle of blend weights alone has one such key."""
+    still = KeyNetwork((DenseLayer(np.zeros((1, 72), np.float32), np.zeros(1, np.float32), "linear"),))
+    shape = np.zeros_like(garment.blend_shapes[:1])
+    rig = Rig(garment.template, garment.triangles, garment.joints, garment.weights, shape, still)
+    unchanged, report = resolve_collisions(rig, SETTINGS, POSES, BODY)
+    assert unchanged is rig
+    assert "no pose keys" in report.detail

@@ -68,6 +68,9 @@ def resolve_collisions(
     if rig.keys is None or not rig.morph_count:
         return rig, PassReport("resolve collisions", "no blend shapes that could do it")
     fit = poses.some(options.poses)
+    keys = rig.pose_keys(fit)
+    if not keys.any():  # a bundle of blend weights alone
+        return rig, PassReport("resolve collisions", "no pose keys that move")
     anchors = Anchors.of(rig, options.anchors)
     part = take_vertices(rig, anchors.rows)
     springs = Springs.of(part.template, anchors.joined(edges(rig.triangles)))
@@ -76,7 +79,7 @@ def resolve_collisions(
         contacts = find_contacts(part, body, betas, fit)
         blocks = [slice(start, start + _POSES_AT_ONCE) for start in range(0, len(fit), _POSES_AT_ONCE)]
         cloth = [PosedCloth.of(part, fit[block], contacts.of_poses(block)) for block in blocks]
-        added = _relaxed(cloth, springs, wanted, rig.pose_keys(fit), options)
+        added = _relaxed(cloth, springs, wanted, keys, options)
         resolved = replace(rig, blend_shapes=_plus(rig.blend_shapes, added, anchors), blend_normals=None)
         both = side_by_side(part, take_vertices(resolved, anchors.rows))
         inside = find_contacts(both, body, betas, poses.check[:_CHECKED]).clearance < 0
