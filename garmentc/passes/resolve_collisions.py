@@ -44,11 +44,11 @@ class ResolveCollisions:
     Rounds settle on any mesh, even a lace, where relaxation + 2 smoothing < 1 + 1 / (1 + 2 momentum).
     """
 
-    clearance: float = 0.008
-    poses: int = 80
+    clearance: float = 0.012
+    poses: int = 400
     anchors: int = 3000
-    iterations: int = 18
-    ridge: float = 3.0
+    iterations: int = 8
+    ridge: float = 0.002
     relaxation: float = 1.0
     smoothing: float = 0.2
     momentum: float = 0.7
