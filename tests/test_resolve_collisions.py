@@ -18,7 +18,7 @@ from garmentc.rig import DenseLayer, KeyNetwork, Rig
 from garmentc.smpl.skeleton import JOINT_NAMES
 
 POSES = plausible_poses(fit=512, check=64)
-SETTINGS = ResolveCollisions(poses=128, iterations=20)  # the sample network is untrained: it needs more to go by
+SETTINGS = ResolveCollisions(clearance=0.008, poses=128, iterations=20)  # the clearance for which the bounds hold
 
 
 @pytest.fixture(scope="module")

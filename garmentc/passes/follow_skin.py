@@ -39,7 +39,7 @@ class FollowSkin:
     """
 
     reach: float = 0.02
-    tight: float = 0.005
+    tight: float = 0.003
     saved: float = 5e-4
     clearance: float = 0.006
     poses: int = 20
