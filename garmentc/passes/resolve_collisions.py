@@ -36,7 +36,8 @@ class ResolveCollisions:
     poses       how many poses to look at
     anchors     vertices to look at; those between them move with them
     iterations  rounds of bringing edges back to their lengths and pushing out what is too close
-    ridge       how much movement must be worth it, relative to the keys' own size; more generalises better
+    ridge       how much movement must be worth it, relative to the keys' own size; with less, shapes grow so large that
+                single precision shows at rest
     relaxation  how far a round brings edges back, of the step that would do for an edge alone
     smoothing   how far a round brings the movement of vertices to that of their neighbours; keeps cloth from crumpling
     momentum    how much of a round's movement the next one goes on with
@@ -48,7 +49,7 @@ class ResolveCollisions:
     poses: int = 400
     anchors: int = 3000
     iterations: int = 8
-    ridge: float = 0.002
+    ridge: float = 0.2
     relaxation: float = 1.0
     smoothing: float = 0.2
     momentum: float = 0.7
