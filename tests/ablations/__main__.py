@@ -17,7 +17,7 @@ from ablations.table import ABLATIONS, Measured, markdown
 
 CONFIGS = Path(__file__).parents[2] / "garmentc" / "training" / "configs"
 DOCUMENT = Path(__file__).parents[2] / "docs" / "ablations.md"
-FRAMES = 8
+FRAMES, WORKERS = 8, 2
 
 
 @click.command()
@@ -34,12 +34,20 @@ def main(data: Path, runs: Path, only: tuple[str, ...], train: bool, output: Pat
             command = [sys.executable, "-m", "garmentc", "train", "deepsd", "--data", str(data)]
             command += ["--config", ablation.config, "--out", str(runs / ablation.name), "--quiet"]
             subprocess.run(command, check=True)
-    there = [ablation for ablation in chosen if (runs / ablation.name / "bundle").exists() or not ablation.has_bundle]
-    output.write_text(markdown(measure(data, {a.name: runs / a.name for a in there})), encoding="utf-8")
+    there = {ablation.name: runs / ablation.name for ablation in chosen if is_finished(runs / ablation.name)}
+    output.write_text(markdown(measure(data, there)), encoding="utf-8")
+
+
+def is_finished(run: Path) -> bool:
+    """Whether a run has taken all its steps."""
+    from garmentc.training.checkpoint import read_checkpoint
+
+    checkpoint = read_checkpoint(run)
+    return checkpoint is not None and checkpoint.progress.stage == 1 + (checkpoint.recipe.physics is not None)
 
 
 def measure(data: Path, runs: dict[str, Path]) -> Measured:
-    """All `runs` on the test split: the networks by themselves, and the files that their bundles compile to."""
+    """The networks of all `runs` on the test split."""
     from garmentc.evaluation.dataset_evaluation import evaluate_dataset
     from garmentc.evaluation.group_scores import overall
     from garmentc.evaluation.method import NEAREST_METHOD, Method
@@ -47,13 +55,9 @@ def measure(data: Path, runs: dict[str, Path]) -> Measured:
     from garmentc.training.run_log import LOG
     from garmentc.training.run_method import RunMethod
 
-    methods: list[Method] = [NEAREST_METHOD]
-    for name, run in runs.items():
-        methods.append(RunMethod(name=name, run=run))
-        if (run / "bundle").exists():
-            methods.append(Method(name=f"{name}, web", bundle=run / "bundle", profile="web"))
+    methods: list[Method] = [NEAREST_METHOD, *(RunMethod(name=name, run=run) for name, run in runs.items())]
     dataset = open_dataset(data)
-    rows = overall(evaluate_dataset(dataset, "test", methods, frames=FRAMES))
+    rows = overall(evaluate_dataset(dataset, "test", methods, frames=FRAMES, workers=WORKERS))
     logs = {name: (run / LOG).read_text(encoding="utf-8") for name, run in runs.items()}
     return Measured(dataset.sha256, {row.method: row for row in rows}, logs)
 
