@@ -41,7 +41,7 @@ FULL = os.environ.get("GARMENTC_FULL") == "1"
 
 SKIRT, TROUSERS = EXAMPLES / "tee_and_skirt.obj", EXAMPLES / "tee_and_trousers.obj"
 
-PRUNED = 2e-3
+PRUNED = 2e-2
 """Metres. Coarser than the pipeline's own, which leaves too few zeros for any sparse shape among 8 or 128 floats."""
 
 SETTINGS = [
