@@ -83,7 +83,8 @@ _HEAD = """# Ablations
 
 Every network is trained with the same budget on the same dataset (benchmark-v1, {sha256}) and measured on its split
 `test`, outfits and motions that no network has seen: the networks themselves with four influences a vertex, before the
-passes of a compile. `make ablations` trains and measures them all, and writes this file. Means over an outfit's frames and then over outfits, as [measuring](evaluation.md) has it.
+passes of a compile. `make ablations` trains and measures them all, and writes this file. Means over an outfit's frames
+and then over outfits, as [measuring](evaluation.md) has it.
 
 The paper's column is not a target in millimetres: its data (CLOTH3D) are closed; ours have other outfits, motions and
 cloth, about a tenth of the outfits and a fraction of the steps. Orders and ratios compare. The budget is also smaller
