@@ -102,13 +102,20 @@ def _train(
     if workers.leads:
         message = "the dataset is incomplete; training on what is there"
         print_warnings([Diagnostic("incomplete-dataset", message, str(folder)) for folder in unfinished])
-    data = read_training_data(datasets, recipe, measure, bodies)
-    held_out = data.held_out if workers.leads else ()
-    show(f"{data.facts.outfits} outfits in {data.facts.frames} frames; {len(held_out)} held out")
+    data = read_training_data(datasets, recipe, measure if workers.leads else None, bodies)
+    show(f"{data.facts.outfits} outfits in {data.facts.frames} frames; {len(data.held_out)} held out")
     limit = None if time_limit is None else 60 * time_limit
     with _stoppable() as must_stop:
         return train(
-            recipe, data.outfits, held_out, data.facts, out, workers, time_limit=limit, must_stop=must_stop, show=show
+            recipe,
+            data.outfits,
+            data.held_out,
+            data.facts,
+            out,
+            workers,
+            time_limit=limit,
+            must_stop=must_stop,
+            show=show,
         )
 
 

@@ -27,11 +27,11 @@ class TrainingData:
 
 
 def read_training_data(
-    datasets: Sequence[Dataset], recipe: Recipe, measure: str, bodies: Sequence[Path] = ()
+    datasets: Sequence[Dataset], recipe: Recipe, measure: str | None, bodies: Sequence[Path] = ()
 ) -> TrainingData:
     """The outfits of the split "train" of all `datasets`, and rigid ones where `recipe` wants some.
 
-    measure  split that is held out to be measured, unless `recipe` withholds outfits for validation
+    measure  split that is held out to be measured, unless `recipe` withholds outfits for validation; None: nothing is
     bodies   model files of the bodies that the datasets were simulated on; none for the default body
 
     Raises GarmentcError where files are missing or damaged, where bodies are not given, or where one dataset would
@@ -41,7 +41,9 @@ def read_training_data(
     if len(datasets) > 1:
         _check_held_out(datasets, outfits)
     outfits, held_out = validation_split(outfits, recipe.validation)
-    if not recipe.validation:
+    if measure is None:
+        held_out = []
+    elif not recipe.validation:
         held_out = [outfit for data in datasets for outfit in read_outfits(data, measure, recipe.metadata, bodies)]
     facts = data_facts(datasets, outfits)
     if outfits:
