@@ -195,15 +195,21 @@ def _begin(plan: Plan, folder: Path) -> None:
             what = ", ".join(others or ["fewer outfits"]).replace("garmentc", "another version of garmentc")
             said = f"holds another dataset ({what}); give the options that it was made with, or an empty folder"
             raise GarmentcError(said, folder)
+    _remove_leftovers(folder)
+    write_manifest(folder, plan.preset.name, (), complete=False, plan=document)
+
+
+def _remove_leftovers(folder: Path) -> None:
+    """Of processes that were killed as they wrote a file."""
     for part in (SEQUENCES, REJECTED):
         for leftover in (folder / part).glob(".*.tmp"):
             with suppress(OSError):
                 leftover.unlink()
-    write_manifest(folder, plan.preset.name, (), complete=False, plan=document)
 
 
 def _finish(plan: Plan, folder: Path) -> Dataset:
-    """Sum up what the files say, in the plan's order."""
+    """Sum up what the files say, in the plan's order. A worker that was killed and replaced may have left something."""
+    _remove_leftovers(folder)
     entries, lines = [], []
     for task in plan.tasks:
         outcome = _done(folder, task)
