@@ -9,7 +9,7 @@ from train_samples import SMALL_NETWORK
 torch = pytest.importorskip("torch")
 
 from garmentc.training import losses  # noqa: E402
-from garmentc.training.deepsd_network import Deepsd, DeepsdConfig, Descriptors  # noqa: E402
+from garmentc.training.deepsd_network import KEY_SCALE, Deepsd, DeepsdConfig, Descriptors  # noqa: E402
 from garmentc.training.pose_encodings import POSE_ENCODINGS  # noqa: E402
 
 N, T = 30, 7
@@ -45,19 +45,23 @@ def test_heads_see_local_and_global_descriptors_side_by_side() -> None:
     torch.testing.assert_close(
         network.blend_weights(Descriptors(local, shared)), torch.softmax(network.weight_head(everything), dim=1)
     )
-    shapes = network.data_head(everything) + network.physics_head(everything)
+    shapes = KEY_SCALE * (network.data_head(everything) + network.physics_head(everything))
     torch.testing.assert_close(network.blend_shapes(Descriptors(local, shared)), shapes.reshape(N, -1, 3))
 
 
 def test_the_global_descriptor_has_the_gradient_of_a_maximum() -> None:
     network = made()
-    local = torch.randn(N, 16, dtype=torch.float64, requires_grad=True)
+    vertices, normals, mean = inputs()
     wanted = torch.randn(12, dtype=torch.float64)
-    parameters = [local, network.global_layer.weight, network.global_layer.bias]
-    ours = torch.autograd.grad((network._pooled(local) * wanted).sum(), parameters)
-    plain = torch.autograd.grad((torch.relu(network.global_layer(local)).amax(dim=0) * wanted).sum(), parameters)
-    for a, b in zip(ours, plain, strict=True):
-        torch.testing.assert_close(a, b)
+    parameters = [network.global_layer.weight, *network.convolutions.parameters()]
+    whole = network.descriptors(vertices, normals, mean)
+    few = network.descriptors(vertices, normals, mean, rows=torch.tensor([2]))
+    plain = torch.relu(network.global_layer(whole.local)).amax(dim=0)
+    expected = torch.autograd.grad((plain * wanted).sum(), parameters, retain_graph=True)
+    for ours in (whole, few):
+        found = torch.autograd.grad((ours.shared * wanted).sum(), parameters, retain_graph=True)
+        for a, b in zip(found, expected, strict=True):
+            torch.testing.assert_close(a, b)
 
 
 def test_rows_of_descriptors_are_those_of_the_whole() -> None:
@@ -99,7 +103,7 @@ def test_keys_are_blind_to_ignored_joints_and_nothing_else(encoding: str) -> Non
 def test_the_baseline_sees_descriptor_and_pose_side_by_side() -> None:
     network = made(deformation="vertices")
     descriptors, poses = network.descriptors(*inputs()), features(network)
-    keys = network.pose_keys(poses)
+    keys = KEY_SCALE * network.pose_keys(poses)
     rows = [torch.cat([descriptors.local, descriptors.shared.expand(N, -1), key.expand(N, -1)], dim=1) for key in keys]
     torch.testing.assert_close(network.deformations(descriptors, poses), network.data_head(torch.stack(rows)))
 

@@ -4,6 +4,8 @@ Where it departs from the paper, and why:
 - Ω ends in a softmax, so no weight row is ever all zero (the published code ends in ReLU and can produce one).
 - The key normalisation has an epsilon in its denominator, and keys are taken relative to the rest pose, so that
   the outfit at rest is the outfit as authored.
+- Weights are drawn as He et al. 2015 do for ReLU, and what keys are multiplied with is KEY_SCALE times the numbers that
+  are learned: the published start needs several times as many steps.
 - The pose enters as up-in-the-pelvis-frame (3) and the axis-angle of joints 1..23 (69): 72 numbers as in the paper,
   but blind to heading (`garmentc.rig.encode_pose`).
 """
@@ -27,6 +29,9 @@ DEFORMATIONS = (BLEND_SHAPES, VERTICES, NONE)
 
 The baseline is no blend-shape model, so it has no rig and no bundle.
 """
+
+KEY_SCALE = 8.0
+"""What a key moves is so many times what the heads say: embedded keys sum to 1, so each is small and moves little."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,11 @@ class DeepsdConfig:
         return POSE_ENCODINGS[self.pose_encoding].width
 
     @property
+    def key_scale(self) -> float:
+        """KEY_SCALE for embedded keys; angles are large enough."""
+        return KEY_SCALE if self.pose_embedding else 1.0
+
+    @property
     def pose_code(self) -> int:
         """Width of what stands for the pose: P."""
         return self.keys if self.pose_embedding else self.pose_features
@@ -82,9 +92,9 @@ class GraphConvolution(nn.Module):
         self.own = nn.Linear(inputs, outputs)
         self.neighbour = nn.Linear(inputs, outputs, bias=False)
 
-    def forward(self, x: Tensor, mean: Tensor) -> Tensor:
-        """x (N, inputs), mean (N, N) sparse row-stochastic; returns (N, outputs)."""
-        return torch.relu(self.own(x) + self.neighbour(mean @ x))
+    def forward(self, x: Tensor, around: Tensor) -> Tensor:
+        """x (N, inputs), around (N, inputs) the means of x over neighbours; returns (N, outputs)."""
+        return torch.relu(self.own(x) + self.neighbour(around))
 
 
 def _mlp(sizes: tuple[int, ...]) -> nn.Sequential:
@@ -131,15 +141,22 @@ class Deepsd(nn.Module):
         if config.deformation != NONE and config.pose_embedding:
             self.pose_head = _mlp((config.pose_features, *config.pose_head, config.keys))
             self.register_buffer("seen", seen_features(config), persistent=False)
+        self._draw_weights()
+
+    def _draw_weights(self) -> None:
         for module in self.modules():
             if isinstance(module, nn.Linear):
-                nn.init.xavier_normal_(module.weight)
+                nn.init.kaiming_normal_(module.weight)
                 if module.bias is not None:
                     nn.init.zeros_(module.bias)
-        for head, share in zip(self.deforming_heads, (0.1, 0.0), strict=False):  # start near "no deformation"
-            last = head[-1]  # χ starts with none at all: until it is trained, it adds nothing
-            assert isinstance(last, nn.Linear)
-            with torch.no_grad():
+        with torch.no_grad():
+            for module in self.modules():
+                if isinstance(module, GraphConvolution):  # the sum of two
+                    module.own.weight.mul_(0.5**0.5)
+                    module.neighbour.weight.mul_(0.5**0.5)
+            for head, share in zip(self.deforming_heads, (0.05, 0.0), strict=False):  # start near "no deformation"
+                last = head[-1]  # χ starts with none at all: until it is trained, it adds nothing
+                assert isinstance(last, nn.Linear)
                 last.weight.mul_(share)
 
     @property
@@ -161,23 +178,28 @@ class Deepsd(nn.Module):
         rows  the vertices whose descriptors are wanted; all by default. They are the same whatever else is wanted.
         """
         x = torch.cat([vertices, normals], dim=1)
-        for convolution in self.convolutions:
-            x = convolution(x, mean)
+        *first, last = self.convolutions
+        for convolution in first:
+            x = convolution(x, mean @ x)
+        around = mean @ x
         shared = []
         if self.config.global_descriptor:
-            shared.append(self._pooled(x))
+            shared.append(self._pooled(x, around))
         if self.config.metadata_width:
             shared.append(x.new_zeros(self.config.metadata_width) if metadata is None else metadata)
-        return Descriptors(x if rows is None else x[rows], torch.cat(shared) if shared else x.new_zeros(0))
+        local = last(x, around) if rows is None else last(x[rows], around[rows])
+        return Descriptors(local, torch.cat(shared) if shared else x.new_zeros(0))
 
-    def _pooled(self, local: Tensor) -> Tensor:
+    def _pooled(self, x: Tensor, around: Tensor) -> Tensor:
         """The global descriptor (256,): the largest over the vertices of what `global_layer` makes of each.
 
         Only the vertices that win have a gradient, so only they are computed with one: the same numbers, faster.
         """
+        last = self.convolutions[-1]
         with torch.no_grad():
-            winners = self.global_layer(local).argmax(dim=0)
-        return torch.relu((local[winners] * self.global_layer.weight).sum(dim=1) + self.global_layer.bias)
+            winners = self.global_layer(last(x, around)).argmax(dim=0)
+        local = last(x[winners], around[winners])
+        return torch.relu((local * self.global_layer.weight).sum(dim=1) + self.global_layer.bias)
 
     def blend_weights(self, descriptors: Descriptors) -> Tensor:
         """Ω: (N, 24), rows sum to 1."""
@@ -191,7 +213,7 @@ class Deepsd(nn.Module):
         """Ψ + χ: (N, P, 3), metres per unit of key."""
         wanted = [head for head, take in zip(self.deforming_heads, (data, physics), strict=True) if take]
         parts = [_with_shared(head, *descriptors) for head in wanted]
-        return torch.stack(parts).sum(dim=0).reshape(len(descriptors.local), -1, 3)
+        return self.config.key_scale * torch.stack(parts).sum(dim=0).reshape(len(descriptors.local), -1, 3)
 
     def absolute_keys(self, features: Tensor) -> Tensor:
         """g: encoded poses (T, 72) to keys (T, P), each row of positive numbers that sum to 1."""
@@ -224,7 +246,8 @@ class Deepsd(nn.Module):
         around = nn.functional.linear(descriptors.shared, first.weight[:, descriptors.local.shape[1] : width])
 
         def moved(features: Tensor) -> Tensor:
-            in_pose = nn.functional.linear(self.pose_keys(features), first.weight[:, width:], first.bias)
+            keys = self.config.key_scale * self.pose_keys(features)
+            in_pose = nn.functional.linear(keys, first.weight[:, width:], first.bias)
             result: Tensor = self.data_head[1:](at_vertex + around + in_pose[:, None])
             return result
 

@@ -113,17 +113,18 @@ def outfit_graph(network: Deepsd, metadata: NDArray[np.float32] | None = None) -
     descriptors = g.add("Concat", [x, spread], "descriptors", axis=1)
     known_metadata = _zeros(config.metadata_width) if metadata is None else metadata
 
-    def head(layers: torch.nn.Sequential, name: str) -> str:
-        return g.mlp(descriptors, _head_layers(layers, width, config.global_descriptor, known_metadata), name)
+    def head(layers: torch.nn.Sequential, name: str, scale: float = 1.0) -> str:
+        return g.mlp(descriptors, _head_layers(layers, width, config.global_descriptor, known_metadata, scale), name)
 
     g.add("Softmax", [head(network.weight_head, "weight_head")], WEIGHTS, axis=1)
     if config.deformation == NONE:
         nothing = Layer(_zeros(3, width + global_width), _zeros(3))
         shapes, keys = g.linear(descriptors, nothing, "no_shape"), 1
     else:
-        shapes, keys = head(network.data_head, "data_head"), config.pose_code
+        shapes, keys = head(network.data_head, "data_head", config.key_scale), config.pose_code
         if _adds_anything(network.physics_head):
-            shapes = g.add("Add", [shapes, head(network.physics_head, "physics_head")], "blend_shapes_flat")
+            added = head(network.physics_head, "physics_head", config.key_scale)
+            shapes = g.add("Add", [shapes, added], "blend_shapes_flat")
     g.add("Reshape", [shapes, g.constant("shape_3", np.array([-1, keys, 3]))], SHAPES)
     neighbors = helper.make_tensor_value_info(NEIGHBORS, TensorProto.INT64, ["N", "K"])
     inputs = [_floats(VERTICES, "N", 3), _floats(NORMALS, "N", 3), neighbors]
@@ -151,15 +152,22 @@ def _zeros(*shape: int) -> NDArray[np.float32]:
     return np.zeros(shape, np.float32)
 
 
-def _head_layers(head: torch.nn.Sequential, local: int, has_global: bool, metadata: NDArray[np.float32]) -> list[Layer]:
-    """The head as a function of [local, global] descriptors: metadata go into the bias, a missing global is nought."""
-    first, *others = (_layer(layer) for layer in head if isinstance(layer, torch.nn.Linear))
+def _head_layers(
+    head: torch.nn.Sequential, local: int, has_global: bool, metadata: NDArray[np.float32], scale: float
+) -> list[Layer]:
+    """`scale` times the head as a function of [local, global] descriptors.
+
+    Metadata go into the bias, a missing global descriptor is nought.
+    """
+    first, *others, last = (_layer(layer) for layer in head if isinstance(layer, torch.nn.Linear))
     assert first.bias is not None
+    assert last.bias is not None
     described = first.weight.shape[1] - len(metadata)
     weight, bias = first.weight[:, :described], first.bias + first.weight[:, described:] @ metadata
     if not has_global:
         weight = np.concatenate([weight[:, :local], _zeros(len(weight), 1)], axis=1)
-    return [Layer(weight, bias), *others]
+    factor = np.float32(scale)
+    return [Layer(weight, bias), *others, Layer(factor * last.weight, factor * last.bias)]
 
 
 def _adds_anything(head: torch.nn.Sequential) -> bool:
