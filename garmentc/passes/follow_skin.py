@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from garmentc.passes.anchors import Anchors
 from garmentc.passes.blas import single_threaded_blas
-from garmentc.passes.body_contacts import find_contacts, wanted_clearance
+from garmentc.passes.body_contacts import find_clearance, wanted_clearance
 from garmentc.passes.part_of_rig import side_by_side, take_vertices
 from garmentc.passes.pose_set import PoseSet
 from garmentc.passes.posed_error import posed_error
@@ -63,8 +63,8 @@ def follow_skin(
     all_in = _mixed(part, np.ones(len(anchors.rows)), skin, body, options.reach)
     with single_threaded_blas():
         wanted = wanted_clearance(part, body, betas, options.clearance)
-        contacts = find_contacts(side_by_side(part, all_in), body, betas, poses.some(options.poses), _DEPTH)
-    lacking = np.maximum(np.concatenate([wanted, wanted]) - contacts.clearance, 0).mean(axis=0)
+        clearance = find_clearance(side_by_side(part, all_in), body, betas, poses.some(options.poses), _DEPTH)
+    lacking = np.maximum(np.concatenate([wanted, wanted]) - clearance, 0).mean(axis=0)
     before, after = np.split(lacking, 2)
     saves = np.clip((before - after) / options.saved, 0, 1)
     clings = np.exp(-((closest_on_surface(part.template, skin, body.faces).distance / options.tight) ** 2))
