@@ -15,7 +15,7 @@ from garmentc.passes.posed_skinning import PosedVertices, posed_body, posed_outf
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
 
-_CANDIDATES = 12
+_CANDIDATES = 8
 _POSES_AT_ONCE = 4
 
 

@@ -27,7 +27,7 @@ from garmentc.smpl.body import BodyModel
 
 _VALUES_AT_ONCE = 2_000_000
 _POSES_AT_ONCE = 32
-_CHECKED = 8
+_CHECKED = 4
 _NEGLIGIBLE = 0.01
 """Combinations of keys whose mean square is below this share of the ridge get less than a hundredth of the movement."""
 
@@ -51,12 +51,12 @@ class ResolveCollisions:
     """
 
     clearance: float = 0.012
-    poses: int = 320
-    searched: int = 20
+    poses: int = 256
+    searched: int = 16
     anchors: int = 3000
     iterations: int = 9
     ridge: float = 0.2
-    relaxation: float = 1.1
+    relaxation: float = 1.2
     smoothing: float = 0.2
     momentum: float = 0.8
 
