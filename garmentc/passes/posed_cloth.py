@@ -42,8 +42,10 @@ class PosedCloth:
         from there along the skin's normal for what is too close to it.
         """
         turn = self.posed.turn
-        pull = springs.pull(self.posed.vertices + np.einsum("ijnp,jnp->inp", turn, moved))
-        step: NDArray[np.float32] = relaxation * np.einsum("ijnp,inp->jnp", turn, pull)
+        vertices = np.einsum("ijnp,jnp->inp", turn, moved)
+        vertices += self.posed.vertices
+        step: NDArray[np.float32] = np.einsum("ijnp,inp->jnp", turn, springs.pull(vertices))
+        step *= relaxation
         lacking = self.lacking - np.einsum("inp,inp->np", self.outwards, moved + step)
         step += self.outwards * np.maximum(lacking, 0)
         return step

@@ -27,7 +27,7 @@ from garmentc.smpl.body import BodyModel
 
 _VALUES_AT_ONCE = 2_000_000
 _POSES_AT_ONCE = 32
-_CHECKED = 4
+_CHECKED = 8
 _NEGLIGIBLE = 0.01
 """Combinations of keys whose mean square is below this share of the ridge get less than a hundredth of the movement."""
 

@@ -41,8 +41,9 @@ class Springs:
         """Where to vertices (3, n, P) in P poses are pulled, (3, n, P): half an edge's stretch, the mean over edges."""
         along = self._differences(vertices)
         length = np.sqrt(np.einsum("iep,iep->ep", along, along))
-        along *= 0.5 - (0.5 * self.lengths[:, None]) / np.maximum(length, 1e-9)
-        return self._means(along)
+        slack = np.divide(self.lengths[:, None], np.maximum(length, 1e-9, out=length), out=length)
+        along *= np.subtract(1, slack, out=slack)
+        return 0.5 * self._means(along)
 
     def roughness(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """How far `values` (3, n, P) are from the mean of their neighbours', with the opposite sign; (3, n, P)."""
