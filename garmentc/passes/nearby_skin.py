@@ -23,8 +23,8 @@ _POSES_AT_ONCE = 4
 class NearbySkin:
     """For each of n vertices of an outfit the K triangles of its body that were nearest in some poses.
 
-    In other poses one of them is the nearest too, but for one contact in two hundred, and the others are 0.1 mm off on
-    average. Looking at these few takes a tenth of the time that a search tree takes.
+    In other poses one of them is the nearest too, but for about one contact in a hundred, or one in twenty where cloth
+    is loose. Looking at these few takes a tenth of the time that a search tree takes.
 
     body        the body, with only the vertices and faces that these triangles need
     betas       its shape
