@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from garmentc.passes.pose_set import plausible_poses
+from garmentc.passes.pose_set import farthest_apart, plausible_poses
 
 
 def rows(poses: np.ndarray) -> set[bytes]:
@@ -50,3 +50,14 @@ def test_the_same_in_every_run() -> None:
     first, second = plausible_poses(fit=20, check=5), plausible_poses(fit=20, check=5)
     np.testing.assert_array_equal(first.fit, second.fit)
     np.testing.assert_array_equal(first.check, second.check)
+
+
+def test_poses_farthest_apart_miss_none_of_several_kinds() -> None:
+    rng = np.random.default_rng(1)
+    kinds = rng.normal(size=(6, 24, 3))
+    kind = rng.choice(6, size=200, p=[0.5, 0.3, 0.1, 0.05, 0.03, 0.02])
+    poses = kinds[kind] + 0.01 * rng.normal(size=(200, 24, 3))
+    chosen = farthest_apart(poses, 6)
+    nearest = np.linalg.norm(chosen[:, None] - kinds, axis=(2, 3)).argmin(axis=1)
+    assert sorted(nearest) == list(range(6))
+    assert len(farthest_apart(poses[:4], 6)) == 4

@@ -14,30 +14,31 @@ from garmentc.smpl.rotations import axis_angle_to_matrix
 PATH = np.array([[0, 1], [1, 2]])
 
 
-def in_one_pose(vertices: list[list[float]]) -> np.ndarray:
-    return np.array(vertices, np.float32)[:, :, None]
+def in_one_pose(vertices: list[list[float]] | np.ndarray) -> np.ndarray:
+    """(3, n, 1) from (n, 3)."""
+    return np.array(vertices, np.float32).T[:, :, None]
 
 
 def test_each_end_goes_half_of_an_edges_stretch_and_the_mean_over_its_edges() -> None:
     springs = Springs.of(np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]]), PATH)
     pull = springs.pull(in_one_pose([[0, 0, 0], [3, 0, 0], [4, 0, 0]]))
-    np.testing.assert_allclose(pull[:, 0, 0], [1, -0.5, 0], atol=1e-6)
+    np.testing.assert_allclose(pull[0, :, 0], [1, -0.5, 0], atol=1e-6)
     squeezed = springs.pull(in_one_pose([[0, 0, 0], [0.5, 0, 0], [1.5, 0, 0]]))
-    np.testing.assert_allclose(squeezed[:, 0, 0], [-0.25, 0.125, 0], atol=1e-6)
+    np.testing.assert_allclose(squeezed[0, :, 0], [-0.25, 0.125, 0], atol=1e-6)
 
 
 def test_rigid_motion_does_not_pull() -> None:
     rig = make_rig()
     springs = Springs.of(rig.template, edges(rig.triangles))
     turned = rig.template @ axis_angle_to_matrix(np.array([0.3, -1.2, 0.5])).T + np.array([0.1, 2.0, -0.4])
-    pull = springs.pull(turned.astype(np.float32)[:, :, None])
+    pull = springs.pull(in_one_pose(turned))
     assert np.abs(pull).max() < 1e-5
 
 
 def test_roughness_leads_to_the_neighbours_mean() -> None:
     springs = Springs.of(np.zeros((4, 3)), PATH)
     values = in_one_pose([[1, 0, 0], [4, 0, 0], [3, 0, 0], [7, 0, 0]])
-    np.testing.assert_allclose(springs.roughness(values)[:, 0, 0], [3, -2, 1, 0], atol=1e-6)  # the last stands alone
+    np.testing.assert_allclose(springs.roughness(values)[0, :, 0], [3, -2, 1, 0], atol=1e-6)  # the last stands alone
 
 
 def test_pulling_again_and_again_restores_the_lengths() -> None:
@@ -49,7 +50,7 @@ def test_pulling_again_and_again_restores_the_lengths() -> None:
     moved = (rig.template + 0.1 * rest.mean() * rng.standard_normal(rig.template.shape)).astype(np.float32)
     before = np.abs(edge_lengths(moved, pairs) - rest).mean()
     for _ in range(100):
-        moved += springs.pull(moved[:, :, None])[:, :, 0]
+        moved += springs.pull(in_one_pose(moved))[:, :, 0].T
     assert np.abs(edge_lengths(moved, pairs) - rest).mean() < 0.2 * before
 
 

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.passes.posed_skinning import posed_body, posed_outfit
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
-from garmentc.smpl.rotations import axis_angle_to_matrix
 from garmentc.smpl.skeleton import JOINT_COUNT, PARENTS
-from garmentc.smpl.skinning import joint_transforms
 
 REACH = 0.015
 """Metres: vertices farther out than this are in no danger."""
@@ -25,67 +24,107 @@ DEPTH = 0.03
 CLOSEST = 0.001
 """Metres: what even the tightest cloth should keep."""
 
+FAR = 1.0
+"""Metres: the clearance where there is no skin near to care about."""
+
 _SHARED_WEIGHT = 0.2
-_FAR = 1.0
+_POSES_AT_ONCE = 4
 
 
 @dataclass(frozen=True)
-class Contacts:
-    """Clearances of N vertices in P poses, to first order in a displacement of the rest vertices.
+class Planes:
+    """The planes of F triangles in P poses: `centers` and unit `normals` (3, F, P) float32."""
 
-    clearance  (P, N) float32 metres to the skin, negative inside; 1 where there is no skin near to care about
-    gradient   (P, N, 3) float32: a displacement u of the rest vertex changes the clearance by gradient . u
+    centers: NDArray[np.float32]
+    normals: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, vertices: NDArray[np.float32], faces: NDArray[Any]) -> Planes:
+        """Of the triangles `faces` (F, 3) of posed `vertices` (3, V, P)."""
+        a, b, c = (vertices[:, faces[:, k]] for k in range(3))
+        u, v = b - a, c - a
+        normals: NDArray[np.float32] = np.stack(
+            [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+        )
+        normals /= np.maximum(np.sqrt(np.einsum("ifp,ifp->fp", normals, normals)), np.finfo(np.float32).tiny)
+        return cls((a + b + c) / np.float32(3), normals)
+
+    def nearest(self, points: NDArray[np.float32], reach: float) -> NDArray[np.intp]:
+        """Rows (n, P) of the centres nearest to `points` (3, n, P); F where there is none within `reach` metres."""
+        from scipy.spatial import cKDTree
+
+        found = np.empty(points.shape[1:], dtype=np.intp)
+        for pose in range(points.shape[2]):
+            tree = cKDTree(self.centers[:, :, pose].T, balanced_tree=False)
+            found[:, pose] = tree.query(points[:, :, pose].T, distance_upper_bound=reach)[1]
+        return found
+
+    def offset(self, points: NDArray[np.float32], rows: NDArray[np.intp]) -> tuple[NDArray[Any], NDArray[Any]]:
+        """How far outside the planes `rows` (n, P) `points` (3, n, P) are, metres (n, P); and the normals (3, n, P)."""
+        place = rows * self.centers.shape[2] + np.arange(self.centers.shape[2])
+        normals = self.normals.reshape(3, -1)[:, place]
+        return np.einsum("inp,inp->np", normals, points - self.centers.reshape(3, -1)[:, place]), normals
+
+
+@dataclass(frozen=True)
+class Skin:
+    """The triangles of a body that an outfit of N vertices may be in contact with.
+
+    faces    (F, 3) those that hang on the joints of some vertex of the outfit, or on neighbouring ones
+    joints   (F, 24) how much each hangs on a joint and its neighbours
+    weights  (N, 24) of the outfit
     """
 
-    clearance: NDArray[np.float32]
-    gradient: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    joints: NDArray[np.float32]
+    weights: NDArray[np.float32]
 
-    def of_poses(self, rows: slice) -> Contacts:
-        """The contacts in some of the poses."""
-        return Contacts(self.clearance[rows], self.gradient[rows])
+    @classmethod
+    def of(cls, body: BodyModel, rig: Rig) -> Skin:
+        weights = rig.weights.astype(np.float32)
+        near = body.weights.astype(np.float32) @ _neighbouring_joints()
+        joints = (near[body.faces[:, 0]] + near[body.faces[:, 1]] + near[body.faces[:, 2]]) / 3
+        reachable = joints @ weights.max(axis=0) > _SHARED_WEIGHT
+        return cls(body.faces[reachable], joints[reachable], weights)
+
+    def joined(self, vertices: NDArray[Any], faces: NDArray[Any]) -> NDArray[np.bool_]:
+        """Whether `vertices` (K,) of the outfit and `faces` (K,) hang on the same or neighbouring joints; (K,)."""
+        joined: NDArray[np.bool_] = np.einsum("kj,kj->k", self.weights[vertices], self.joints[faces]) > _SHARED_WEIGHT
+        return joined
 
 
-def find_contacts(
+def find_clearance(
     rig: Rig, body: BodyModel, betas: NDArray[Any] | None, poses: NDArray[Any], depth: float = DEPTH
-) -> Contacts:
-    """Contacts of the posed rig with the posed body in `poses` (P, 24, 3), down to `depth` metres inside.
+) -> NDArray[np.float32]:
+    """Clearance (P, N) in metres of the rig from the body in `poses` (P, 24, 3), down to `depth` metres inside.
 
-    The skin is taken as the plane of the triangle whose centre is nearest: nine times in ten within 0.3 mm of the
-    exact distance, and ten times as fast. A contact counts only where vertex and skin hang on the same or
-    neighbouring joints: a hand on the trousers and an arm pressed to the ribs are not the cloth's fault, and cloth
-    blown away from them would look worse.
+    It is negative inside, and FAR where there is no contact. The skin is taken as the plane of the triangle whose
+    centre is nearest: nine times in ten within 0.3 mm of the exact distance, and ten times as fast. A contact counts
+    only where vertex and skin hang on the same or neighbouring joints: a hand on the trousers and an arm pressed to
+    the ribs are not the cloth's fault, and cloth blown away from them would look worse.
     """
-    from scipy.spatial import cKDTree
+    skin = Skin.of(body, rig)
 
-    poses = np.asarray(poses, np.float32)
-    weights = rig.weights.astype(np.float32)
-    near_joints = body.weights.astype(np.float32)[body.faces].mean(axis=1) @ _neighbouring_joints()
-    reachable = near_joints @ weights.max(axis=0) > _SHARED_WEIGHT  # the others cannot be in contact with any vertex
-    faces, near_joints = body.faces[reachable], near_joints[reachable]
-    skins = body.astype(np.float32).posed(poses, betas)
-    transforms = joint_transforms(axis_angle_to_matrix(poses), rig.joints.astype(np.float32))[:, :, :3]
-    rest = rest_vertices(rig, poses)
-    clearance = np.full(rest.shape[:2], _FAR, dtype=np.float32)
-    gradient = np.zeros(rest.shape, dtype=np.float32)
+    def find(block: NDArray[Any]) -> NDArray[np.float32]:
+        points = posed_outfit(rig, block).vertices
+        planes = Planes.of(posed_body(body, betas, block), skin.faces)
+        rows = planes.nearest(points, 2 * depth)
+        found = rows < len(skin.faces)
+        distance, _ = planes.offset(points, np.where(found, rows, 0))
+        close = found & in_contact(distance, depth)
+        vertices, at = np.nonzero(close)
+        close[vertices, at] = skin.joined(vertices, rows[vertices, at])
+        clearance: NDArray[np.float32] = np.where(close, distance, np.float32(FAR)).T
+        return clearance
 
-    def find(index: int) -> None:
-        blended = (weights @ transforms[index].reshape(JOINT_COUNT, 12)).reshape(-1, 3, 4)
-        points = np.einsum("nij,nj->ni", blended[:, :, :3], rest[index]) + blended[:, :, 3]
-        centers, normals = _planes(skins[index], faces)
-        nearest = cKDTree(centers, balanced_tree=False).query(points, distance_upper_bound=2 * depth)[1]
-        found = np.flatnonzero(nearest < len(centers))
-        nearest = nearest[found]
-        normal = normals[nearest]
-        distance = np.einsum("ni,ni->n", normal, points[found] - centers[nearest])
-        shared = np.einsum("nj,nj->n", weights[found], near_joints[nearest])
-        close = (distance < REACH) & (distance > -depth) & (shared > _SHARED_WEIGHT)
-        rows = found[close]
-        clearance[index, rows] = distance[close]
-        gradient[index, rows] = np.einsum("nij,ni->nj", blended[rows, :, :3], normal[close])
+    blocks = [poses[start : start + _POSES_AT_ONCE] for start in range(0, len(poses), _POSES_AT_ONCE)]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return np.concatenate(list(pool.map(find, blocks)))
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # each pose fills its own rows: the order does not matter
-        list(pool.map(find, range(len(poses))))
-    return Contacts(clearance, gradient)
+
+def in_contact(distance: NDArray[np.float32], depth: float = DEPTH) -> NDArray[np.bool_]:
+    """Which distances from the skin are close enough to matter, and not deeper than can be mended."""
+    return (distance < REACH) & (distance > -depth)
 
 
 def wanted_clearance(rig: Rig, body: BodyModel, betas: NDArray[Any] | None, clearance: float) -> NDArray[np.float32]:
@@ -93,16 +132,9 @@ def wanted_clearance(rig: Rig, body: BodyModel, betas: NDArray[Any] | None, clea
 
     It grows with that at rest, so layers stay in order, and is never under CLOSEST.
     """
-    at_rest = find_contacts(rig, body, betas, np.zeros((1, JOINT_COUNT, 3))).clearance[0]
+    at_rest = find_clearance(rig, body, betas, np.zeros((1, JOINT_COUNT, 3)))[0]
     wanted: NDArray[np.float32] = clearance * -np.expm1(-np.maximum(at_rest, 0) / clearance)
     return np.maximum(CLOSEST, wanted)
-
-
-def rest_vertices(rig: Rig, poses: NDArray[Any]) -> NDArray[np.float32]:
-    """Rest vertices (P, N, 3), moved by the blend shapes of `poses` (P, 24, 3) but not skinned."""
-    flat = rig.blend_shapes.reshape(rig.morph_count, -1).astype(np.float32)
-    moved: NDArray[np.float32] = (rig.pose_keys(poses) @ flat).reshape(len(poses), -1, 3)
-    return rig.template.astype(np.float32) + moved
 
 
 def _neighbouring_joints() -> NDArray[np.float32]:
@@ -112,11 +144,3 @@ def _neighbouring_joints() -> NDArray[np.float32]:
         if parent >= 0:
             step[joint, parent] = step[parent, joint] = 1
     return (step @ step > 0).astype(np.float32)
-
-
-def _planes(vertices: NDArray[Any], faces: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Centres (F, 3) and unit normals (F, 3) of triangles."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return (a + b + c) / 3, normals / np.maximum(length, np.finfo(normals.dtype).tiny)

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from garmentc.passes.anchors import Anchors
 from garmentc.passes.blas import single_threaded_blas
-from garmentc.passes.body_contacts import find_contacts, wanted_clearance
+from garmentc.passes.body_contacts import find_clearance, wanted_clearance
 from garmentc.passes.part_of_rig import side_by_side, take_vertices
 from garmentc.passes.pose_set import PoseSet
 from garmentc.passes.posed_error import posed_error
 from garmentc.passes.report import PassReport
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
-from garmentc.smpl.nearest import closest_on_surface
+from garmentc.smpl.nearest import ClosestPoints, closest_on_surface
 
 _DEPTH = 0.1
 """Metres: wrong weights leave cloth behind in the body, far deeper than one pushes it out."""
@@ -60,32 +60,36 @@ def follow_skin(
     skin = body.shaped(betas)
     anchors = Anchors.of(rig, options.anchors)
     part = take_vertices(rig, anchors.rows)
-    all_in = _mixed(part, np.ones(len(anchors.rows)), skin, body, options.reach)
+    closest = closest_on_surface(part.template, skin, body.faces)
+    all_in = replace(part, weights=_mixed(part.weights, np.ones(len(anchors.rows)), closest, body, options.reach))
     with single_threaded_blas():
         wanted = wanted_clearance(part, body, betas, options.clearance)
-        contacts = find_contacts(side_by_side(part, all_in), body, betas, poses.some(options.poses), _DEPTH)
-    lacking = np.maximum(np.concatenate([wanted, wanted]) - contacts.clearance, 0).mean(axis=0)
+        clearance = find_clearance(side_by_side(part, all_in), body, betas, poses.some(options.poses), _DEPTH)
+    lacking = np.maximum(np.concatenate([wanted, wanted]) - clearance, 0).mean(axis=0)
     before, after = np.split(lacking, 2)
     saves = np.clip((before - after) / options.saved, 0, 1)
-    clings = np.exp(-((closest_on_surface(part.template, skin, body.faces).distance / options.tight) ** 2))
+    clings = np.exp(-((closest.distance / options.tight) ** 2))
     chosen = choice = np.maximum(saves, clings)
     for _ in range(options.smoothing):
         choice = np.maximum(chosen, anchors.smoother @ choice)
     everywhere = np.empty(rig.vertex_count)
-    for rows, interpolator in anchors.interpolators(_VERTICES_AT_ONCE):
-        everywhere[rows] = interpolator @ choice
-    followed = _mixed(rig, everywhere, skin, body, options.reach)
+    for block, interpolator in anchors.interpolators(_VERTICES_AT_ONCE):
+        everywhere[block] = interpolator @ choice
+    rows = np.flatnonzero(everywhere > 1e-3)
+    closest = closest_on_surface(rig.template[rows], skin, body.faces)
+    weights = np.array(rig.weights, dtype=np.float32)
+    weights[rows] = _mixed(weights[rows], everywhere[rows], closest, body, options.reach)
+    followed = replace(rig, weights=weights)
     moved = posed_error(rig, followed, poses.check)
     detail = f"{100 * everywhere.mean():.0f} % of the cloth follows the skin beneath; moved {moved}"
     return followed, PassReport("follow skin", detail)
 
 
-def _mixed(rig: Rig, choice: NDArray[Any], skin: NDArray[Any], body: BodyModel, reach: float) -> Rig:
-    """The rig with the weights of the closest skin, as far as `choice` (N,) in [0, 1] and its closeness say."""
-    rows = np.flatnonzero(choice > 1e-3)
-    closest = closest_on_surface(rig.template[rows], skin, body.faces)
+def _mixed(
+    weights: NDArray[Any], choice: NDArray[Any], closest: ClosestPoints, body: BodyModel, reach: float
+) -> NDArray[np.float32]:
+    """Weights (n, 24) mixed with those of the closest skin, as far as `choice` (n,) in [0, 1] and its closeness say."""
     of_skin = np.einsum("nk,nkj->nj", closest.barycentric, body.weights[body.faces[closest.face]])
-    share = (choice[rows] * np.exp(-((closest.distance / reach) ** 2)))[:, None]
-    weights = np.array(rig.weights, dtype=np.float32)
-    weights[rows] = share * of_skin + (1 - share) * weights[rows]
-    return replace(rig, weights=weights)
+    share = (choice * np.exp(-((closest.distance / reach) ** 2)))[:, None]
+    mixed: NDArray[np.float32] = (share * of_skin + (1 - share) * weights).astype(np.float32)
+    return mixed

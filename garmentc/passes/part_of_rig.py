@@ -24,7 +24,7 @@ def take_vertices(rig: Rig, rows: NDArray[np.intp]) -> Rig:
         template=rig.template[rows],
         triangles=np.zeros((0, 3), dtype=np.int32),
         weights=rig.weights[rows],
-        blend_shapes=rig.blend_shapes[:, rows],
+        blend_shapes=np.take(rig.blend_shapes, rows, axis=1),
         blend_normals=None,
     )
 

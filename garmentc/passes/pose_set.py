@@ -46,6 +46,19 @@ def plausible_poses(motion: NDArray[Any] | None = None, fit: int = FIT_COUNT, ch
     )
 
 
+def farthest_apart(poses: NDArray[Any], count: int) -> NDArray[Any]:
+    """At most `count` of `poses` (P, 24, 3), as different as they come, whatever way the root looks.
+
+    Each is the one that is farthest from those before it (Gonzalez 1985).
+    """
+    angles = poses[:, 1:].reshape(len(poses), -1)
+    rows, distance = [0], np.full(len(poses), np.inf)
+    while len(rows) < min(count, len(poses)):
+        distance = np.minimum(distance, np.linalg.norm(angles - angles[rows[-1]], axis=1))
+        rows.append(int(distance.argmax()))
+    return poses[rows]
+
+
 def _spread(length: int, count: int, phase: float) -> NDArray[np.intp]:
     """At most `count` rising frame numbers below `length`, `phase` of a step away from the step's start."""
     count = min(count, length)

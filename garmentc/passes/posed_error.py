@@ -15,7 +15,7 @@ from garmentc.passes.part_of_rig import spread_vertices, take_vertices
 from garmentc.rig import Rig
 
 MAX_VERTICES = 1_500
-_VALUES_AT_ONCE = 2_000_000
+_VALUES_AT_ONCE = 800_000
 
 
 @dataclass(frozen=True)

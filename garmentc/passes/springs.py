@@ -13,44 +13,46 @@ from numpy.typing import NDArray
 class Springs:
     """E springs between n vertices.
 
-    differences  sparse (E, n) float32: takes the vertices' values to those at an edge's end minus those at its start
+    differences  sparse (3E, 3n) float32: takes vertices (3n,) to those at an edge's end minus those at its start
+    means        sparse (3n, 3E) float32: takes edges (3E,) to the mean over each vertex's edges, with the sign of what
+                 draws it towards the other end
     lengths      (E,) float32 metres, unstretched
-    valence      (n,) float32: edges at a vertex, at least 1
     """
 
     differences: Any
+    means: Any
     lengths: NDArray[np.float32]
-    valence: NDArray[np.float32]
 
     @classmethod
     def of(cls, template: NDArray[Any], edges: NDArray[Any]) -> Springs:
         """Springs along `edges` (E, 2), unstretched where vertices are at `template` (n, 3)."""
-        from scipy.sparse import csr_matrix
+        from scipy.sparse import csr_matrix, diags, eye, kron
 
         signs = np.tile(np.array([-1, 1], dtype=np.float32), len(edges))
         rows = np.repeat(np.arange(len(edges)), 2)
         differences = csr_matrix((signs, (rows, edges.ravel())), shape=(len(edges), len(template)))
         lengths = np.linalg.norm(differences @ template.astype(np.float64), axis=1).astype(np.float32)
         valence = np.bincount(edges.ravel(), minlength=len(template))
-        return cls(differences, lengths, np.maximum(valence, 1).astype(np.float32))
+        means = diags(-1 / np.maximum(valence, 1).astype(np.float32)) @ differences.T
+        each = eye(3, dtype=np.float32)  # coordinates
+        return cls(kron(each, differences, "csr"), kron(each, means, "csr"), lengths)
 
     def pull(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Where to vertices (n, 3, P) in P poses are pulled, (n, 3, P): half an edge's stretch, the mean over edges."""
+        """Where to vertices (3, n, P) in P poses are pulled, (3, n, P): half an edge's stretch, the mean over edges."""
         along = self._differences(vertices)
-        length = np.sqrt(np.einsum("eip,eip->ep", along, along))
-        along *= (0.5 * (1 - self.lengths[:, None] / np.maximum(length, 1e-9)))[:, None]
-        return self._gathered(along)
+        length = np.sqrt(np.einsum("iep,iep->ep", along, along))
+        slack = np.divide(self.lengths[:, None], np.maximum(length, 1e-9, out=length), out=length)
+        along *= np.subtract(1, slack, out=slack)
+        return 0.5 * self._means(along)
 
     def roughness(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """How far `values` (n, 3, P) are from the mean of their neighbours', with the opposite sign; (n, 3, P)."""
-        return self._gathered(self._differences(values))
+        """How far `values` (3, n, P) are from the mean of their neighbours', with the opposite sign; (3, n, P)."""
+        return self._means(self._differences(values))
 
     def _differences(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        apart: NDArray[np.float32] = self.differences @ values.reshape(len(values), -1)
-        return apart.reshape(-1, *values.shape[1:])
+        apart: NDArray[np.float32] = self.differences @ values.reshape(-1, values.shape[2])
+        return apart.reshape(3, -1, values.shape[2])
 
-    def _gathered(self, along: NDArray[np.float32]) -> NDArray[np.float32]:
-        """What edges (E, 3, P) do to their two ends, in opposite directions; (n, 3, P)."""
-        total: NDArray[np.float32] = -(self.differences.T @ along.reshape(len(along), -1))
-        total /= self.valence[:, None]
-        return total.reshape(-1, *along.shape[1:])
+    def _means(self, along: NDArray[np.float32]) -> NDArray[np.float32]:
+        mean: NDArray[np.float32] = self.means @ along.reshape(-1, along.shape[2])
+        return mean.reshape(3, -1, along.shape[2])

@@ -53,6 +53,17 @@ class BodyModel:
         names = ("v_template", "weights", "shapedirs", "J_template", "J_shapedirs", "correctives")
         return replace(self, **{name: getattr(self, name).astype(dtype) for name in names})
 
+    def of_vertices(self, rows: NDArray[Any]) -> BodyModel:
+        """A body of some of the vertices, which pose as they do in the whole; without faces."""
+        return replace(
+            self,
+            v_template=self.v_template[rows],
+            faces=np.zeros((0, 3), dtype=np.int32),
+            weights=self.weights[rows],
+            shapedirs=self.shapedirs[rows],
+            correctives=self.correctives.of_vertices(rows),
+        )
+
     @property
     def dtype(self) -> np.dtype[Any]:
         return self.v_template.dtype

@@ -47,6 +47,16 @@ class PoseCorrectives:
         """The same correctives in `dtype`."""
         return PoseCorrectives(self.vertices, tuple(block.astype(dtype) for block in self.directions))
 
+    def of_vertices(self, rows: NDArray[Any]) -> PoseCorrectives:
+        """The correctives of some vertices, `rows` in rising order."""
+        vertices, directions = [], []
+        for moved, block in zip(self.vertices, self.directions, strict=True):
+            place = np.searchsorted(rows, moved)
+            kept = rows[np.minimum(place, len(rows) - 1)] == moved
+            vertices.append(place[kept])
+            directions.append(block[:, kept])
+        return PoseCorrectives(tuple(vertices), tuple(directions))
+
     def add_to(self, vertices: NDArray[Any], rotations: NDArray[Any]) -> None:
         """Add the offsets of joint rotations (..., 24, 3, 3) to vertices (..., V, 3) in place."""
         batch = rotations.shape[:-3]

@@ -1,0 +1,94 @@
+"""Contacts of an outfit with its body in many poses, looked for only where they have been found in some."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.passes.body_contacts import DEPTH, Planes, Skin, in_contact
+from garmentc.passes.posed_skinning import PosedVertices, posed_body, posed_outfit
+from garmentc.rig import Rig
+from garmentc.smpl.body import BodyModel
+
+_CANDIDATES = 8
+_POSES_AT_ONCE = 4
+
+
+@dataclass(frozen=True)
+class NearbySkin:
+    """For each of n vertices of an outfit the K triangles of its body that were nearest in some poses.
+
+    In other poses one of them is the nearest too, but for about one contact in a hundred, or one in twenty where cloth
+    is loose. Looking at these few takes a tenth of the time that a search tree takes.
+
+    body        the body, with only the vertices and faces that these triangles need
+    betas       its shape
+    candidates  (n, K) rows of its faces
+    joined      (n, K) whether vertex and triangle hang on the same or neighbouring joints
+    """
+
+    body: BodyModel
+    betas: NDArray[Any] | None
+    candidates: NDArray[np.intp]
+    joined: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, rig: Rig, body: BodyModel, betas: NDArray[Any] | None, poses: NDArray[Any]) -> NearbySkin:
+        """The triangles that are nearest in `poses` (P, 24, 3)."""
+        skin = Skin.of(body, rig)
+
+        def find(block: NDArray[Any]) -> NDArray[np.intp]:
+            planes = Planes.of(posed_body(body, betas, block), skin.faces)
+            return planes.nearest(posed_outfit(rig, block).vertices, 2 * DEPTH)
+
+        blocks = [poses[start : start + _POSES_AT_ONCE] for start in range(0, len(poses), _POSES_AT_ONCE)]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            found = np.concatenate(list(pool.map(find, blocks)), axis=1)
+        faces, candidates = np.unique(_most_frequent(found, len(skin.faces)), return_inverse=True)
+        vertices, corners = np.unique(skin.faces[faces], return_inverse=True)
+        part = replace(body.of_vertices(vertices), faces=corners.reshape(-1, 3).astype(np.int32))
+        joined = skin.joined(np.repeat(np.arange(len(found)), _CANDIDATES), faces[candidates.ravel()])
+        shape = (len(found), _CANDIDATES)
+        return cls(part, betas, candidates.reshape(shape), joined.reshape(shape))
+
+    def contacts(self, outfit: PosedVertices, poses: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Clearances (n, P) of the outfit as it is in `poses` (P, 24, 3), metres, and their gradients (3, n, P).
+
+        A displacement u of the rest vertex changes the clearance by gradient . u, to first order. Both are 0 where
+        there is no contact.
+        """
+        planes = Planes.of(posed_body(self.body, self.betas, poses), self.body.faces)
+        squared = np.full(outfit.vertices.shape[1:], (2 * DEPTH) ** 2, dtype=np.float32)
+        chosen = np.full(squared.shape, _CANDIDATES, dtype=np.uint8)
+        for column, rows in enumerate(self.candidates.T):
+            apart = outfit.vertices - planes.centers[:, rows]
+            distance = np.einsum("inp,inp->np", apart, apart)
+            np.copyto(chosen, column, where=distance < squared)
+            np.minimum(squared, distance, out=squared)
+        found = chosen < _CANDIDATES
+        chosen[~found] = 0
+        clearance, normals = planes.offset(outfit.vertices, np.take_along_axis(self.candidates, chosen, axis=1))
+        counts = found & np.take_along_axis(self.joined, chosen, axis=1)
+        counts &= in_contact(clearance)
+        return clearance * counts, np.einsum("ijnp,inp->jnp", outfit.turn, normals * counts)
+
+
+def _most_frequent(found: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    """The numbers below `count` that are most frequent in each row of `found` (n, S); returns (n, _CANDIDATES).
+
+    Where a row has fewer, the rest is 0: a triangle more does no harm.
+    """
+    pairs, times = np.unique(np.arange(len(found))[:, None] * (count + 1) + found, return_counts=True)
+    row, number = np.divmod(pairs, count + 1)
+    order = np.lexsort((-times * (number < count), row))  # what was not found comes last
+    row, number = row[order], number[order]
+    rank = np.arange(len(row)) - np.searchsorted(row, row)
+    taken = (rank < _CANDIDATES) & (number < count)
+    result = np.zeros((len(found), _CANDIDATES), dtype=np.intp)
+    result[row[taken], rank[taken]] = number[taken]
+    return result

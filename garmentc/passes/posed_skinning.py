@@ -1,0 +1,58 @@
+"""An outfit and its body in many poses at once. Poses come last: what is done for all of them runs along memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.rig import Rig
+from garmentc.smpl.body import BodyModel
+from garmentc.smpl.rotations import axis_angle_to_matrix
+from garmentc.smpl.skeleton import JOINT_COUNT
+from garmentc.smpl.skinning import joint_transforms
+
+_Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class PosedVertices:
+    """n vertices in P poses, float32.
+
+    vertices  (3, n, P) metres
+    turn      (3, 3, n, P) what skinning does to a displacement of the rest vertex: nearly a rotation
+    """
+
+    vertices: _Floats
+    turn: _Floats
+
+
+def posed_outfit(rig: Rig, poses: NDArray[Any]) -> PosedVertices:
+    """The rig in `poses` (P, 24, 3)."""
+    poses = np.asarray(poses, np.float32)
+    shapes = rig.blend_shapes.reshape(rig.morph_count, -1).astype(np.float32, copy=False)
+    moved = (rig.pose_keys(poses) @ shapes).reshape(len(poses), -1, 3)
+    rest = np.ascontiguousarray((rig.template.astype(np.float32) + moved).transpose(2, 1, 0))
+    return _skinned(rest, rig.weights, rig.joints, poses)
+
+
+def posed_body(body: BodyModel, betas: NDArray[Any] | None, poses: NDArray[Any]) -> _Floats:
+    """The vertices (3, V, P) of the body in `poses` (P, 24, 3), as `body.posed` makes them."""
+    poses = np.asarray(poses, np.float32)
+    rest = np.repeat(body.shaped(betas).T.astype(np.float32)[:, :, None], len(poses), axis=2)
+    features = axis_angle_to_matrix(poses) - np.eye(3, dtype=np.float32)
+    by_joint = features.reshape(len(poses), JOINT_COUNT, 9).transpose(1, 2, 0)[1:]
+    correctives = body.correctives
+    for feature, moved, block in zip(by_joint, correctives.vertices, correctives.directions, strict=True):
+        rest[:, moved] += block.transpose(2, 1, 0).astype(np.float32) @ feature
+    return _skinned(rest, body.weights, body.joints(betas), poses).vertices
+
+
+def _skinned(rest: _Floats, weights: NDArray[Any], joints: NDArray[Any], poses: _Floats) -> PosedVertices:
+    """Linear blend skinning of rest vertices (3, n, P), each with its pose."""
+    transforms = joint_transforms(axis_angle_to_matrix(poses), joints.astype(np.float32))
+    blended = weights.astype(np.float32) @ np.ascontiguousarray(transforms.transpose(2, 3, 1, 0)[:3])
+    turn = blended[:, :3]
+    return PosedVertices(np.einsum("ijnp,jnp->inp", turn, rest) + blended[:, 3], turn)
