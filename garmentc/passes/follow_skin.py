@@ -40,7 +40,7 @@ class FollowSkin:
 
     reach: float = 0.02
     tight: float = 0.003
-    saved: float = 5e-4
+    saved: float = 2.5e-4
     clearance: float = 0.006
     poses: int = 20
     anchors: int = 2000

@@ -50,11 +50,11 @@ class ResolveCollisions:
     Rounds settle on any mesh, even a lace, where relaxation < 1 + 1 / (1 + 2 momentum) and smoothing < 1 / 2.
     """
 
-    clearance: float = 0.012
-    poses: int = 256
-    searched: int = 16
+    clearance: float = 0.010
+    poses: int = 384
+    searched: int = 24
     anchors: int = 3000
-    iterations: int = 9
+    iterations: int = 12
     ridge: float = 0.2
     relaxation: float = 1.2
     smoothing: float = 0.2
