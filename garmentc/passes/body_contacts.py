@@ -127,14 +127,21 @@ def in_contact(distance: NDArray[np.float32], depth: float = DEPTH) -> NDArray[n
     return (distance < REACH) & (distance > -depth)
 
 
-def wanted_clearance(rig: Rig, body: BodyModel, betas: NDArray[Any] | None, clearance: float) -> NDArray[np.float32]:
+def wanted_clearance(
+    rig: Rig,
+    body: BodyModel,
+    betas: NDArray[Any] | None,
+    clearance: float,
+    closest: NDArray[np.float32] | float = CLOSEST,
+) -> NDArray[np.float32]:
     """Clearance (N,) in metres that vertices should keep in every pose: `clearance`, less where they have less at rest.
 
-    It grows with that at rest, so layers stay in order, and is never under CLOSEST.
+    It grows with that at rest, so layers stay in order, and is never under `closest`, at most half of `clearance`.
     """
     at_rest = find_clearance(rig, body, betas, np.zeros((1, JOINT_COUNT, 3)))[0]
-    wanted: NDArray[np.float32] = clearance * -np.expm1(-np.maximum(at_rest, 0) / clearance)
-    return np.maximum(CLOSEST, wanted)
+    tight = np.exp(-np.maximum(at_rest, 0) / clearance)
+    wanted: NDArray[np.float32] = clearance * (1 - tight) + closest * tight**2
+    return wanted
 
 
 def _neighbouring_joints() -> NDArray[np.float32]:

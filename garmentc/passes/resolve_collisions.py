@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from garmentc.outfit.topology import edges
 from garmentc.passes.anchors import Anchors
 from garmentc.passes.blas import single_threaded_blas
-from garmentc.passes.body_contacts import find_clearance, wanted_clearance
+from garmentc.passes.body_contacts import CLOSEST, find_clearance, wanted_clearance
 from garmentc.passes.nearby_skin import NearbySkin
 from garmentc.passes.part_of_rig import side_by_side, take_vertices
 from garmentc.passes.pose_set import PoseSet, farthest_apart
@@ -37,6 +37,8 @@ class ResolveCollisions:
     """How hard to try.
 
     clearance   metres that cloth should keep from the skin; cloth that is closer at rest may stay closer
+    radius      metres: how round limbs are; between the vertices of a mesh skin bulges out by edge² / (8 radius), so
+                coarse cloth keeps that distance even where it has less at rest
     poses       how many poses to look at
     searched    in how many poses to search all of the skin for what is nearest to a vertex
     anchors     vertices to look at; those between them move with them
@@ -51,6 +53,7 @@ class ResolveCollisions:
     """
 
     clearance: float = 0.010
+    radius: float = 0.025
     poses: int = 384
     searched: int = 24
     anchors: int = 3000
@@ -81,9 +84,12 @@ def resolve_collisions(
         return rig, PassReport("resolve collisions", "no pose keys that move")
     anchors = Anchors.of(rig, options.anchors)
     part = take_vertices(rig, anchors.rows)
-    springs = Springs.of(part.template, anchors.joined(edges(rig.triangles)))
+    joined = edges(rig.triangles)
+    springs = Springs.of(part.template, anchors.joined(joined))
+    bulge = _edge_lengths(rig.template, joined)[anchors.rows] ** 2 / (8 * options.radius)
+    closest = np.clip(bulge, CLOSEST, options.clearance / 2)
     with single_threaded_blas(), ThreadPoolExecutor(os.cpu_count()) as pool:
-        wanted = wanted_clearance(part, body, betas, options.clearance)
+        wanted = wanted_clearance(part, body, betas, options.clearance, closest)
         skin = NearbySkin.of(part, body, betas, farthest_apart(fit, options.searched))
         blocks = [fit[start : start + _POSES_AT_ONCE] for start in range(0, len(fit), _POSES_AT_ONCE)]
         cloth = list(pool.map(lambda block: PosedCloth.of(part, block, skin, wanted), blocks))
@@ -95,6 +101,13 @@ def resolve_collisions(
     moved = posed_error(rig, resolved, poses.check)
     detail = f"about {before:.2f} % of the vertices inside the body before, {after:.2f} % after; moved {moved}"
     return resolved, PassReport("resolve collisions", detail)
+
+
+def _edge_lengths(template: NDArray[Any], edges: NDArray[Any]) -> NDArray[np.float32]:
+    """The mean length of the edges at each vertex, (N,) metres."""
+    lengths = np.linalg.norm(np.subtract(*template[edges.T]), axis=1)
+    total = sum(np.bincount(ends, lengths, len(template)) for ends in edges.T)
+    return (total / np.maximum(np.bincount(edges.ravel(), minlength=len(template)), 1)).astype(np.float32)
 
 
 @dataclass(frozen=True)
