@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.errors import GarmentcError
+from garmentc.resting_layer import resting_layer
 from garmentc.rig import DenseLayer, KeyNetwork
 from garmentc.schema import check_schema
+from garmentc.smpl.skeleton import JOINT_COUNT
 
 DEFAULT_BUNDLE = Path(__file__).parent.parent / "bundles" / "deepsd"
 MANIFEST = "manifest.json"
@@ -157,4 +159,9 @@ def _key_network(model: Any, manifest: dict[str, Any], path: Path) -> KeyNetwork
             )
     if sizes[-1] != manifest["keys"]:
         raise GarmentcError(f"makes {sizes[-1]} keys, but the manifest says {manifest['keys']}", path)
-    return KeyNetwork(tuple(layers))
+    at_rest = KeyNetwork(tuple(layers[:-1]))(np.zeros((JOINT_COUNT, 3)))
+    if not np.allclose(rest, at_rest, rtol=1e-3, atol=1e-5):
+        raise GarmentcError(
+            f"constant '{manifest['rest_keys']}' is not what the keys are at rest; export it again", path
+        )
+    return KeyNetwork((*layers[:-1], resting_layer(np.eye(len(rest)), at_rest)))

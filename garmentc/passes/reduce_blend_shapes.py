@@ -15,7 +15,8 @@ from garmentc.passes.part_of_rig import spread_vertices
 from garmentc.passes.pose_set import PoseSet
 from garmentc.passes.posed_error import posed_error
 from garmentc.passes.report import PassReport
-from garmentc.rig import DenseLayer, KeyNetwork, Rig, encode_pose
+from garmentc.resting_layer import resting_layer
+from garmentc.rig import KeyNetwork, Rig, encode_pose
 from garmentc.smpl.skeleton import JOINT_COUNT
 
 _RIDGE = 1e-6
@@ -141,13 +142,11 @@ def mixed_keys(network: KeyNetwork, matrix: NDArray[Any]) -> KeyNetwork:
     last = network.layers[-1]
     linear = last.activation == "linear"
     hidden = network.layers[:-1] if linear else network.layers
-    weight = (matrix @ last.weight.astype(np.float64) if linear else matrix).astype(np.float32)
+    weight = matrix @ last.weight.astype(np.float64) if linear else matrix
     x = encode_pose(np.zeros((JOINT_COUNT, 3)))
     for layer in hidden:
         x = layer(x)
-    # Rounding has moved the old bias off the rest pose; the rest pose must be met, so the bias is made anew.
-    bias = -(weight.astype(np.float64) @ x)
-    return replace(network, layers=(*hidden, DenseLayer(weight, bias.astype(np.float32))))
+    return replace(network, layers=(*hidden, resting_layer(weight, x)))
 
 
 def _fewest(rig: Rig, basis: _Basis, keys: NDArray[np.float64], tolerance: float) -> int:
