@@ -176,7 +176,7 @@ def test_pose_keys_as_onnx_are_the_ones_in_the_glb(tmp_path: Path, top: Path) ->
     expected = np.array([state_at_pose(asset, pose).weights[asset.mesh_nodes[0]] for pose in poses])
     np.testing.assert_allclose(found, expected, atol=1e-3)  # float32; keys of faint shapes have large factors
     shapes = np.concatenate([part.morph_positions for part in asset.meshes[0].primitives], axis=1)
-    assert np.linalg.norm(np.tensordot(found - expected, shapes, axes=1), axis=-1).max() < 1e-5  # metres; single precision
+    assert np.linalg.norm(np.tensordot(found - expected, shapes, axes=1), axis=-1).max() < 1e-5  # metres
 
 
 def test_several_motions_become_several_animations(tmp_path: Path, top: Path, motion: Path) -> None:
