@@ -143,6 +143,20 @@ def changed_copy(bundle_path: Path, folder: Path, part: str, change) -> Path:
     return folder
 
 
+def test_keys_that_are_not_nought_at_rest_are_refused(bundle_path, tmp_path):
+    from onnx import numpy_helper
+
+    from garmentc.key_graph import REST_KEYS
+
+    def shift(model):
+        tensor = next(tensor for tensor in model.graph.initializer if tensor.name == REST_KEYS)
+        rest = numpy_helper.to_array(tensor) + np.float32(0.01)
+        tensor.CopyFrom(numpy_helper.from_array(rest, REST_KEYS))
+
+    with pytest.raises(GarmentcError, match="not what the keys are at rest; export it again"):
+        load_bundle(changed_copy(bundle_path, tmp_path, "keys", shift))
+
+
 def test_external_data_is_refused(bundle_path, tmp_path):
     from onnx import TensorProto
 
