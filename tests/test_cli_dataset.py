@@ -86,7 +86,10 @@ def test_export_outfit(run: CommandLine, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--preset", "huge", "--out", "d"], "'huge'; the presets are benchmark-v1, wardrobe-v1, tshirt, small"),
+        (
+            ["--preset", "huge", "--out", "d"],
+            "'huge'; the presets are benchmark-v1, wardrobe-v1, wardrobe-v2, tshirt, small",
+        ),
         (["--category", "toga", "--out", "d"], "unknown category 'toga'"),
         (["--motion", "missing.npz", "--out", "d"], "missing.npz: cannot be read"),
         (["--export-outfit", "1", "out.ply"], "name the file .obj"),

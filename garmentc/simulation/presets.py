@@ -34,7 +34,7 @@ class Preset:
     frames            length of a motion; the way in from rest, which is not kept, costs as much as some eighty frames
     new_frames        length of a held-out one
     fps               frames a second
-    categories        taken in turn
+    categories        taken in turn; one may come several times
     vertex_limit      most vertices of an outfit, None as drawn
     tshirt            one T-shirt topology, fitted to bodies and styles, instead of outfits
     poses             where the poses of walks come from, a name of `pose_walk.POSE_SOURCES`
@@ -83,6 +83,20 @@ WARDROBE = Preset(  # many outfits in short motions: what a network needs to kno
     hold_out=False,
 )
 
+WARDROBE_2 = Preset(  # still shorter, and more of what hangs free, where most of the error is
+    "wardrobe-v2",
+    outfits=300,
+    walks=150,
+    held_out_motions=0,
+    known_motions=1,
+    new_motions=0,
+    known_sampled=18,
+    frames=60,
+    new_frames=60,
+    categories=(*_CLOTHES, "dress", "top", "skirt", "jumpsuit"),
+    hold_out=False,
+)
+
 TSHIRT = Preset(
     "tshirt",
     outfits=45,
@@ -109,4 +123,4 @@ SMALL = Preset(
     vertex_limit=900,
 )
 
-PRESETS = {preset.name: preset for preset in (BENCHMARK, WARDROBE, TSHIRT, SMALL)}
+PRESETS = {preset.name: preset for preset in (BENCHMARK, WARDROBE, WARDROBE_2, TSHIRT, SMALL)}
