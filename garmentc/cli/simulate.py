@@ -35,7 +35,7 @@ def _cores() -> int:
     default="small",
     show_default=True,
     metavar="NAME",
-    help="What to make: benchmark-v1, wardrobe-v1 or -v2 (to train on only), tshirt (one topology, many bodies) or small.",
+    help="What to make: benchmark-v1, wardrobe-v1 or -v2 (to train on only), tshirt (one topology) or small.",
 )
 @click.option("--outfits", type=click.IntRange(min=1), metavar="N", help="How many outfits, instead of the preset's.")
 @click.option("--category", "categories", multiple=True, metavar="NAME", help="Only such outfits; repeatable.")
