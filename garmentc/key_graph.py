@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.output import written_whole
-from garmentc.rig import NORMALIZED_RELU_EPSILON, KeyNetwork
-from garmentc.smpl.skeleton import JOINT_COUNT
+from garmentc.rig import ENCODING_GRAVITY_JOINTS, NORMALIZED_RELU_EPSILON, KeyNetwork
+from garmentc.smpl.skeleton import JOINT_COUNT, PARENTS
 
 OPSET, IR_VERSION = 18, 9
 
@@ -38,7 +38,7 @@ def key_graph(network: KeyNetwork, rest_keys: NDArray[Any] | None = None) -> byt
     from onnx import TensorProto, checker, helper
 
     graph = _Graph()
-    x = _encoded(graph)
+    x = _encoded(graph, network.encoding)
     for index, layer in enumerate(network.layers):
         name = f"layer_{index}"
         values = (layer.weight, layer.bias)
@@ -47,7 +47,11 @@ def key_graph(network: KeyNetwork, rest_keys: NDArray[Any] | None = None) -> byt
         if layer.activation != "linear":
             x = graph.add("Relu", [x], f"{name}.relu")
         if layer.activation == "normalized_relu":
-            total = graph.add("ReduceSum", [x, "last_axis"], f"{name}.sum", keepdims=1)
+            if layer.groups == 1:
+                total = graph.add("ReduceSum", [x, "last_axis"], f"{name}.sum", keepdims=1)
+            else:
+                together = graph.constant(f"{name}.together", layer.together)
+                total = graph.add("MatMul", [x, together], f"{name}.sum")
             floor = graph.add(
                 "Add", [total, graph.constant(f"{name}.epsilon", [NORMALIZED_RELU_EPSILON])], f"{name}.floor"
             )
@@ -86,8 +90,8 @@ class _Graph:
         return output
 
 
-def _encoded(graph: _Graph) -> str:
-    """garmentc.rig.encode_pose: (T, 24, 3) to (T, 72)."""
+def _encoded(graph: _Graph, encoding: str) -> str:
+    """garmentc.rig.encode_pose: (T, 24, 3) to (T, ENCODING_WIDTHS[encoding])."""
     axis = graph.constant("last_axis", [-1], np.int64)
     squares = graph.add("ReduceSumSquare", ["pose", axis], "squares", keepdims=1)
     angle = graph.add("Sqrt", [graph.add("Max", [squares, graph.constant("tiny", [1e-12])], "squares_floor")], "angle")
@@ -99,6 +103,12 @@ def _encoded(graph: _Graph) -> str:
     excess = graph.add("Div", [graph.add("Mul", [turns, "two_pi"], "excess_angle"), angle], "excess")
     short = graph.add("Mul", ["pose", graph.add("Sub", [graph.constant("one", [1.0]), excess], "share")], "short_pose")
     root, others = (_slice(graph, short, 1, *span) for span in ((0, 1), (1, JOINT_COUNT)))
+    if encoding == ENCODING_GRAVITY_JOINTS:
+        gravity = _gravity_in_joints(graph, short)
+        both = [_slice(graph, gravity, 1, 1, JOINT_COUNT), others]
+        parts = [_slice(graph, gravity, 1, 0, 1), graph.add("Concat", both, "joint_pairs", axis=2)]
+        flat = [graph.add("Flatten", [part], f"{part}.flat") for part in parts]
+        return graph.add("Concat", flat, "encoded", axis=1)
     joined = graph.add("Concat", [_gravity(graph, root), others], "encoded_joints", axis=1)
     return graph.add("Reshape", [joined, graph.constant("encoded_shape", [-1, 3 * JOINT_COUNT], np.int64)], "encoded")
 
@@ -120,6 +130,53 @@ def _gravity(graph: _Graph, root: str) -> str:
     twice = graph.add("Sub", [along, upward], "cross_cross")
     first, second = graph.add("Mul", [cross, sine], "first"), graph.add("Mul", [twice, versine], "second")
     return graph.add("Sub", [second, first], "gravity")
+
+
+def _gravity_in_joints(graph: _Graph, short: str) -> str:
+    """Up seen from every joint, minus up, (T, 24, 3), from axis-angles r (T, 24, 3) of length a.
+
+    Rodrigues' formula for all local rotations at once, R = 1 + sin a / a K + (1 - cos a) / a^2 K^2 with K the matrix of
+    r x; then, level by level of the tree, up in the joint is up in its parent times R: a row vector turned back.
+    """
+    squares = graph.add("ReduceSumSquare", [short, "last_axis"], "joint_squares", keepdims=1)
+    floor = graph.add("Max", [squares, "tiny"], "joint_squares_floor")
+    angle = graph.add("Sqrt", [floor], "joint_angle")
+    sine = graph.add("Div", [graph.add("Sin", [angle], "joint_sine"), angle], "joint_sine_term")
+    versine = graph.add("Sub", ["one", graph.add("Cos", [angle], "joint_cosine")], "joint_versine")
+    versine = graph.add("Div", [versine, floor], "joint_versine_term")
+    as_matrices = graph.constant("matrices", [0, JOINT_COUNT, 3, 3], np.int64)
+    as_factors = graph.constant("factors", [0, JOINT_COUNT, 1, 1], np.int64)
+    numbers = graph.add("MatMul", [short, graph.constant("cross_matrix", _CROSS_MATRIX)], "cross_numbers")
+    cross = graph.add("Reshape", [numbers, as_matrices], "joint_cross")
+    sine, versine = (graph.add("Reshape", [term, as_factors], f"{term}.factor") for term in (sine, versine))
+    first = graph.add("Mul", [cross, sine], "joint_first")
+    second = graph.add("Mul", [graph.add("MatMul", [cross, cross], "joint_cross_cross"), versine], "joint_second")
+    turn = graph.add("Add", [graph.constant("identity", np.eye(3)), first], "joint_first_order")
+    turn = graph.add("Add", [turn, second], "joint_matrix")
+    levels = [np.array([0])]
+    while len(children := np.flatnonzero(np.isin(PARENTS, levels[-1]))):
+        levels.append(children)
+    assert np.array_equal(np.concatenate(levels), np.arange(JOINT_COUNT)), "joints come level by level"
+    up, found = graph.constant("up_row", [[[[0, 1, 0]]]]), []
+    for depth, level in enumerate(levels):
+        if depth:
+            above = np.searchsorted(levels[depth - 1], PARENTS[level])
+            up = graph.add(
+                "Gather", [up, graph.constant(f"parents_{depth}", above, np.int64)], f"above_{depth}", axis=1
+            )
+        chosen = graph.constant(f"level_{depth}", level, np.int64)
+        local = graph.add("Gather", ["joint_matrix", chosen], f"local_{depth}", axis=1)
+        up = graph.add("MatMul", [up, local], f"up_{depth}")
+        found.append(up)
+    rows = graph.add("Concat", found, "up_rows", axis=1)
+    seen = graph.add("Reshape", [rows, graph.constant("vectors", [0, JOINT_COUNT, 3], np.int64)], "up_in_joints")
+    return graph.add("Sub", [seen, graph.constant("up", [0, 1, 0])], "joint_gravity")
+
+
+_CROSS_MATRIX = np.array(
+    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], np.float32
+)
+"""(3, 9): a vector r times this is the matrix of r x, row after row."""
 
 
 def _slice(graph: _Graph, x: str, axis: int, start: int, end: int) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.smpl.rotations import axis_angle_to_matrix
-from garmentc.smpl.skeleton import JOINT_COUNT
+from garmentc.smpl.skeleton import JOINT_COUNT, PARENTS
 from garmentc.smpl.skinning import joint_transforms, skin
 
 ENCODING_GRAVITY_AXIS_ANGLE = "gravity_axis_angle"
@@ -23,14 +23,25 @@ ENCODING_GRAVITY_AXIS_ANGLE = "gravity_axis_angle"
 The root's heading does not appear: turning the whole body about the vertical changes nothing.
 """
 
+ENCODING_GRAVITY_JOINTS = "gravity_joints"
+"""141 numbers: up in the pelvis frame minus up at rest (3), then 6 of each joint 1..23: up in that joint's frame minus
+up at rest, and its axis-angle. So a sleeve or a trouser leg knows where it hangs.
+"""
+
+ENCODING_WIDTHS = {
+    ENCODING_GRAVITY_AXIS_ANGLE: 3 + 3 * (JOINT_COUNT - 1),
+    ENCODING_GRAVITY_JOINTS: 3 + 6 * (JOINT_COUNT - 1),
+}
+"""How many numbers a network of each encoding sees: the encodings that rigs, bundles and glTF files can have."""
+
 ACTIVATIONS = ("linear", "relu", "normalized_relu")
 
 NORMALIZED_RELU_EPSILON = 1e-6
 """`normalized_relu` is max(x, 0) / (sum(max(x, 0)) + epsilon): the paper's key normalisation, never 0 / 0."""
 
 
-def encode_pose(poses: NDArray[Any]) -> NDArray[Any]:
-    """ENCODING_GRAVITY_AXIS_ANGLE of poses (..., 24, 3); returns (..., 72).
+def encode_pose(poses: NDArray[Any], encoding: str = ENCODING_GRAVITY_AXIS_ANGLE) -> NDArray[Any]:
+    """An encoding of poses (..., 24, 3); returns (..., ENCODING_WIDTHS[encoding]), 0 at rest.
 
     Joint angles are taken in [0, pi] (the shorter way round), so equal rotations have equal encodings.
     """
@@ -38,26 +49,64 @@ def encode_pose(poses: NDArray[Any]) -> NDArray[Any]:
     wrapped = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
     short = np.where(angle > np.pi, poses * (wrapped / np.where(angle > 0, angle, 1)), poses)
     root = axis_angle_to_matrix(short[..., 0, :])
-    up = np.array([0, 1, 0], dtype=poses.dtype)
-    gravity = root[..., 1, :] - up  # row 1 of R is R^T e_y: world up seen from the pelvis
-    return np.concatenate([gravity, short[..., 1:, :].reshape(*poses.shape[:-2], -1)], axis=-1)
+    # Row 1 of R is R^T e_y: world up seen from the pelvis.
+    return encode_joints(root[..., 1, :], short[..., 1:, :], encoding)
+
+
+def encode_joints(up: NDArray[Any], joints: NDArray[Any], encoding: str) -> NDArray[Any]:
+    """The encoding of world up in the frame of the pelvis (..., 3) and the other joints' axis-angles (..., 23, 3).
+
+    Their angles are at most pi.
+    """
+    numbers = joints
+    rest = np.array([0, 1, 0], dtype=joints.dtype)
+    if encoding == ENCODING_GRAVITY_JOINTS:
+        numbers = np.concatenate([_up_in_joints(up, axis_angle_to_matrix(joints)) - rest, joints], axis=-1)
+    return np.concatenate([up - rest, numbers.reshape(*joints.shape[:-2], -1)], axis=-1)
+
+
+def _up_in_joints(up: NDArray[Any], rotations: NDArray[Any]) -> NDArray[Any]:
+    """World up in the frames of joints 1..23, (..., 23, 3), from that in the pelvis' and rotations (..., 23, 3, 3).
+
+    With G_k = G_parent R_k it is G_k^T y = R_k^T (G_parent^T y): down the tree, one vector turned back at each joint.
+    """
+    found = [up[..., None, :]]
+    for joint in range(1, JOINT_COUNT):
+        found.append(found[PARENTS[joint]] @ rotations[..., joint - 1, :, :])
+    return np.concatenate(found[1:], axis=-2)
+
+
+def output_groups(outputs: int, groups: int) -> NDArray[np.int64]:
+    """(outputs,) the group of each output of a layer: floor(i * groups / outputs)."""
+    return np.arange(outputs) * groups // outputs
 
 
 @dataclass(frozen=True)
 class DenseLayer:
-    """activation(weight @ x + bias); weight (outputs, inputs), bias (outputs,), float32."""
+    """activation(weight @ x + bias); weight (outputs, inputs), bias (outputs,), float32.
+
+    groups  of `normalized_relu`: into so many runs the outputs are cut, each with a sum of its own (`output_groups`)
+    """
 
     weight: NDArray[Any]
     bias: NDArray[Any]
     activation: str = "linear"
+    groups: int = 1
 
     def __call__(self, x: NDArray[Any]) -> NDArray[Any]:
         y: NDArray[Any] = x @ self.weight.T.astype(x.dtype) + self.bias.astype(x.dtype)
         if self.activation != "linear":
             y = np.maximum(y, 0)
         if self.activation == "normalized_relu":
-            y = y / (y.sum(axis=-1, keepdims=True) + NORMALIZED_RELU_EPSILON)
+            total = y.sum(axis=-1, keepdims=True) if self.groups == 1 else y @ self.together.astype(y.dtype)
+            y = y / (total + NORMALIZED_RELU_EPSILON)
         return y
+
+    @property
+    def together(self) -> NDArray[np.float32]:
+        """(outputs, outputs): 1 where two outputs are in the same group, else 0."""
+        group = output_groups(len(self.bias), self.groups)
+        return np.equal.outer(group, group).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -73,7 +122,7 @@ class KeyNetwork:
 
     def __call__(self, poses: NDArray[Any]) -> NDArray[Any]:
         """Keys (..., M) of poses (..., 24, 3), in the dtype of `poses`."""
-        x = encode_pose(poses)
+        x = encode_pose(poses, self.encoding)
         for layer in self.layers:
             x = layer(x)
         return x

@@ -32,4 +32,4 @@ def network_of(glb: Path) -> KeyNetwork:
     """The pose-key network of the first mesh."""
     found = read_glb(glb).meshes[0].pose_keys
     assert found is not None
-    return KeyNetwork(found.layers)
+    return KeyNetwork(found.layers, found.encoding)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from garmentc.errors import GarmentcError
 from garmentc.resting_layer import resting_layer
-from garmentc.rig import DenseLayer, KeyNetwork
+from garmentc.rig import ENCODING_WIDTHS, DenseLayer, KeyNetwork
 from garmentc.schema import check_schema
 from garmentc.smpl.skeleton import JOINT_COUNT
 
@@ -144,12 +144,15 @@ def _key_network(model: Any, manifest: dict[str, Any], path: Path) -> KeyNetwork
         return value
 
     layers = [
-        DenseLayer(constant(entry["weight"], 2), constant(entry["bias"], 1), entry["activation"])
+        DenseLayer(
+            constant(entry["weight"], 2), constant(entry["bias"], 1), entry["activation"], entry.get("groups", 1)
+        )
         for entry in manifest["key_layers"]
     ]
     rest = constant(manifest["rest_keys"], 1)
     layers.append(DenseLayer(np.eye(len(rest), dtype=np.float32), -rest))
-    sizes = [72, *(len(layer.bias) for layer in layers)]
+    encoding = manifest["pose_encoding"]
+    sizes = [ENCODING_WIDTHS[encoding], *(len(layer.bias) for layer in layers)]
     for inputs, outputs, layer in zip(sizes[:-1], sizes[1:], layers, strict=True):
         if layer.weight.shape != (outputs, inputs):
             raise GarmentcError(
@@ -159,9 +162,9 @@ def _key_network(model: Any, manifest: dict[str, Any], path: Path) -> KeyNetwork
             )
     if sizes[-1] != manifest["keys"]:
         raise GarmentcError(f"makes {sizes[-1]} keys, but the manifest says {manifest['keys']}", path)
-    at_rest = KeyNetwork(tuple(layers[:-1]))(np.zeros((JOINT_COUNT, 3)))
+    at_rest = KeyNetwork(tuple(layers[:-1]), encoding)(np.zeros((JOINT_COUNT, 3)))
     if not np.allclose(rest, at_rest, rtol=1e-3, atol=1e-5):
         raise GarmentcError(
             f"constant '{manifest['rest_keys']}' is not what the keys are at rest; export it again", path
         )
-    return KeyNetwork((*layers[:-1], resting_layer(np.eye(len(rest)), at_rest)))
+    return KeyNetwork((*layers[:-1], resting_layer(np.eye(len(rest)), at_rest)), encoding)

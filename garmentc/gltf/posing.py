@@ -12,7 +12,7 @@ from garmentc.gltf.glb_asset import GlbAsset, PoseKeyNetwork
 from garmentc.gltf.sampling import sample
 from garmentc.gltf.skeletons import SKELETONS, skeleton_of
 from garmentc.gltf.state import State, rest_state, world_matrices
-from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE, NORMALIZED_RELU_EPSILON
+from garmentc.rig import ENCODING_GRAVITY_JOINTS, ENCODING_WIDTHS, NORMALIZED_RELU_EPSILON, output_groups
 from garmentc.smpl.rotations import axis_angle_to_quaternion, quaternion_to_axis_angle
 from garmentc.smpl.skeleton import JOINT_COUNT, JOINT_NAMES
 
@@ -98,19 +98,23 @@ def pose_key_network(asset: GlbAsset, mesh_node: int) -> PoseKeyNetwork | None:
 
 def evaluate_network(asset: GlbAsset, network: PoseKeyNetwork, state: State) -> NDArray[np.float64]:
     """Morph weights (M,) for the joint rotations of `state`: docs/GARMENTC_mesh_pose_keys.md, step by step."""
-    if network.encoding != ENCODING_GRAVITY_AXIS_ANGLE:
+    if network.encoding not in ENCODING_WIDTHS:
         raise GarmentcError(f"has pose keys with the encoding {network.encoding}; update garmentc", asset.path)
-    root = network.joints[0]
-    up = world_matrices(asset, state)[root][1, :3]  # row y: the world's up, seen from the pelvis
-    gravity = up / np.linalg.norm(up) - np.array([0.0, 1.0, 0.0])
-    others = quaternion_to_axis_angle(state.rotation[list(network.joints[1:])])
-    x = np.concatenate([gravity, others.reshape(-1)])
-    if len(x) != network.layers[0].weight.shape[1]:
-        raise GarmentcError(f"has pose keys that take {network.layers[0].weight.shape[1]} inputs, not 72", asset.path)
+    joints = list(network.joints)
+    up = world_matrices(asset, state)[joints][:, 1, :3]  # row y: the world's up, seen from the joint
+    gravity = up / np.linalg.norm(up, axis=1, keepdims=True) - np.array([0.0, 1.0, 0.0])
+    others = quaternion_to_axis_angle(state.rotation[joints[1:]])
+    if network.encoding == ENCODING_GRAVITY_JOINTS:
+        others = np.concatenate([gravity[1:], others], axis=1)
+    x = np.concatenate([gravity[0], others.reshape(-1)])
+    inputs = network.layers[0].weight.shape[1]
+    if len(x) != inputs:
+        raise GarmentcError(f"has pose keys that take {inputs} inputs, not {len(x)}", asset.path)
     for layer in network.layers:
         x = layer.weight.astype(np.float64) @ x + layer.bias
         if layer.activation != "linear":
             x = np.maximum(x, 0)
         if layer.activation == "normalized_relu":
-            x = x / (x.sum() + NORMALIZED_RELU_EPSILON)
+            group = output_groups(len(x), layer.groups)
+            x = x / (np.bincount(group, x)[group] + NORMALIZED_RELU_EPSILON)
     return x

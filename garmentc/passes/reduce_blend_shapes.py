@@ -16,7 +16,7 @@ from garmentc.passes.pose_set import PoseSet
 from garmentc.passes.posed_error import posed_error
 from garmentc.passes.report import PassReport
 from garmentc.resting_layer import resting_layer
-from garmentc.rig import KeyNetwork, Rig, encode_pose
+from garmentc.rig import KeyNetwork, Rig
 from garmentc.smpl.skeleton import JOINT_COUNT
 
 _RIDGE = 1e-6
@@ -143,10 +143,8 @@ def mixed_keys(network: KeyNetwork, matrix: NDArray[Any]) -> KeyNetwork:
     linear = last.activation == "linear"
     hidden = network.layers[:-1] if linear else network.layers
     weight = matrix @ last.weight.astype(np.float64) if linear else matrix
-    x = encode_pose(np.zeros((JOINT_COUNT, 3)))
-    for layer in hidden:
-        x = layer(x)
-    return replace(network, layers=(*hidden, resting_layer(weight, x)))
+    at_rest = replace(network, layers=hidden)(np.zeros((JOINT_COUNT, 3)))
+    return replace(network, layers=(*hidden, resting_layer(weight, at_rest)))
 
 
 def _fewest(rig: Rig, basis: _Basis, keys: NDArray[np.float64], tolerance: float) -> int:

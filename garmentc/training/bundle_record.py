@@ -10,11 +10,11 @@ import numpy as np
 import torch
 
 from garmentc import __version__
+from garmentc.rig import ENCODING_WIDTHS
 from garmentc.simulation.presets import FABRICS
 from garmentc.training.checkpoint import Checkpoint
 from garmentc.training.deepsd_network import VERTICES
 from garmentc.training.metadata import encode_metadata
-from garmentc.training.pose_encodings import POSE_ENCODINGS
 from garmentc.training.recipe import CONFIGS, Recipe, read_recipe
 from garmentc.training.write_bundle import write_bundle
 
@@ -24,7 +24,7 @@ BUNDLE = "bundle"
 def has_bundle(checkpoint: Checkpoint) -> bool:
     """Whether a rig can express what was trained. Other variants are measured by `garmentc.training.predict`."""
     network = checkpoint.recipe.network
-    return network.deformation != VERTICES and network.pose_encoding == next(iter(POSE_ENCODINGS))
+    return network.deformation != VERTICES and network.pose_encoding in ENCODING_WIDTHS
 
 
 def export_run(checkpoint: Checkpoint, folder: Path, *, version: str = __version__, fabric: str | None = None) -> None:

@@ -6,7 +6,7 @@ them to work in pieces) and the same weights give the same bytes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,9 +18,10 @@ from onnx import TensorProto, helper, numpy_helper
 from garmentc.errors import GarmentcError
 from garmentc.families.deepsd_names import CANDIDATES, GLOBAL, LOCAL, NEIGHBORS, NORMALS, SHAPES, VERTICES, WEIGHTS
 from garmentc.key_graph import key_graph
-from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE, DenseLayer, KeyNetwork
+from garmentc.rig import ENCODING_WIDTHS, DenseLayer, KeyNetwork
 from garmentc.training.deepsd_network import NONE, Deepsd, DeepsdConfig
 from garmentc.training.deepsd_network import VERTICES as VERTICES_DIRECTLY
+from garmentc.training.key_groups import KEY_GROUPS, linear_weight
 
 OPSET = 18
 IR_VERSION = 9
@@ -140,8 +141,9 @@ def outfit_graph(network: Deepsd, metadata: NDArray[np.float32] | None = None) -
 def _check_is_rig(config: DeepsdConfig) -> None:
     if config.deformation == VERTICES_DIRECTLY:
         raise GarmentcError("a network that deforms vertices directly is no rig and has no bundle; train blend shapes")
-    if config.pose_encoding != ENCODING_GRAVITY_AXIS_ANGLE:
-        raise GarmentcError(f"bundles have the pose encoding '{ENCODING_GRAVITY_AXIS_ANGLE}' only; train with that")
+    if config.pose_encoding not in ENCODING_WIDTHS:
+        known = "' or '".join(ENCODING_WIDTHS)
+        raise GarmentcError(f"bundles have the pose encoding '{known}' only; train with one of them")
 
 
 def _layer(linear: Any) -> Layer:
@@ -179,20 +181,21 @@ def _adds_anything(head: torch.nn.Sequential) -> bool:
 def key_network(network: Deepsd) -> KeyNetwork:
     """g of the network: from pose to keys that do not vanish at rest (`rest_keys`)."""
     config = network.config
+    encoding, width = config.pose_encoding, config.pose_features
     if config.deformation == NONE:  # skinning only: one key that never moves
-        return KeyNetwork((_dense(np.zeros((1, config.pose_features)), np.zeros(1)),))
+        return KeyNetwork((_dense(np.zeros((1, width)), np.zeros(1)),), encoding)
     if not config.pose_embedding:
-        return KeyNetwork((_dense(np.eye(config.pose_features), np.zeros(config.pose_features)),))
+        return KeyNetwork((_dense(np.eye(width), np.zeros(width)),), encoding)
     layers = [layer for layer in network.pose_head if isinstance(layer, torch.nn.Linear)]
     kinds = ["relu"] * (len(layers) - 1) + ["normalized_relu"]
-    weights = [layer.weight.detach().numpy() for layer in layers]
+    weights = [linear_weight(layer).detach().numpy() for layer in layers]
     weights[0] = weights[0] * network.seen.numpy()
-    return KeyNetwork(
-        tuple(
-            _dense(weight, layer.bias.detach().numpy(), kind)
-            for weight, layer, kind in zip(weights, layers, kinds, strict=True)
-        )
+    *hidden, last = (
+        _dense(weight, layer.bias.detach().numpy(), kind)
+        for weight, layer, kind in zip(weights, layers, kinds, strict=True)
     )
+    groups = len(KEY_GROUPS) if config.grouped_keys else 1
+    return KeyNetwork((*hidden, replace(last, groups=groups)), encoding)
 
 
 def _dense(weight: NDArray[Any], bias: NDArray[Any], activation: str = "linear") -> DenseLayer:

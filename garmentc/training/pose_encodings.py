@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE, encode_pose
+from garmentc.rig import ENCODING_WIDTHS, encode_pose
 from garmentc.smpl.rotations import axis_angle_to_matrix
-from garmentc.smpl.skeleton import JOINT_COUNT, PARENTS
+from garmentc.smpl.skeleton import JOINT_COUNT
 
 
 @dataclass(frozen=True)
@@ -35,28 +36,16 @@ def _plain(poses: NDArray[Any]) -> NDArray[Any]:
     return poses.reshape(*poses.shape[:-2], 3 * JOINT_COUNT)
 
 
-def _gravity_in_every_joint(poses: NDArray[Any]) -> NDArray[Any]:
-    """Up in the frame of every joint, which is how a sleeve or a trouser leg knows where it hangs."""
-    rotations = axis_angle_to_matrix(poses)
-    frames = [rotations[..., 0, :, :]]
-    for joint in range(1, JOINT_COUNT):
-        frames.append(frames[PARENTS[joint]] @ rotations[..., joint, :, :])
-    up = np.stack(frames, axis=-3)[..., 1, :] - np.eye(3, dtype=poses.dtype)[1]
-    both = np.concatenate([up[..., 1:, :], poses[..., 1:, :]], axis=-1)
-    return np.concatenate([up[..., 0, :], both.reshape(*poses.shape[:-2], -1)], axis=-1)
-
-
 _OTHERS = JOINT_COUNT - 1
 
 POSE_ENCODINGS = {
-    ENCODING_GRAVITY_AXIS_ANGLE: PoseEncoding(3 * JOINT_COUNT, encode_pose),
+    **{name: PoseEncoding(width, partial(encode_pose, encoding=name)) for name, width in ENCODING_WIDTHS.items()},
     "gravity_6d": PoseEncoding(3 + 6 * _OTHERS, _with_gravity(2)),
     "gravity_matrix": PoseEncoding(3 + 9 * _OTHERS, _with_gravity(3)),
-    "gravity_joints": PoseEncoding(3 + 6 * _OTHERS, _gravity_in_every_joint),
     "axis_angle": PoseEncoding(3 * JOINT_COUNT, _plain),
 }
-"""The first is what bundles and glTF files have: up in the pelvis' frame, then the joints as axis-angle.
+"""First those that bundles and glTF files can have (`garmentc.rig.ENCODING_WIDTHS`).
 
-Then two or three columns of the joints' rotation matrices less those at rest (Zhou et al. 2019), with the same gravity.
-Then up in the frame of every joint beside its axis-angle. Last the paper's: all 24 axis-angles, heading included.
+Then two or three columns of the joints' rotation matrices less those at rest (Zhou et al. 2019), and gravity at the
+pelvis. Last the paper's: all 24 axis-angles, heading included.
 """

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from garmentc.families.bundle import MANIFEST
 from garmentc.key_graph import REST_KEYS, layer_constants
 from garmentc.output import cannot_write, written_whole
-from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE
 from garmentc.smpl.default_body import DEFAULT_BODY_PATH
 from garmentc.training.deepsd_network import Deepsd
 from garmentc.training.export_deepsd import key_network, keys_graph, outfit_graph
@@ -45,7 +44,8 @@ def write_bundle(
         with written_whole(path) as file:
             file.write(data)
         files[part] = {"name": path.name, "sha256": hashlib.sha256(data).hexdigest()}
-    layers = key_network(network).layers
+    keys = key_network(network)
+    layers = keys.layers
     manifest = {
         "schema": 1,
         "name": "garmentc-deepsd",
@@ -55,11 +55,12 @@ def write_bundle(
         "licence": "CC0-1.0",
         "files": files,
         "units": "metre",
-        "pose_encoding": ENCODING_GRAVITY_AXIS_ANGLE,
+        "pose_encoding": keys.encoding,
         "joints": network.config.joints,
         "keys": len(layers[-1].bias),
         "key_layers": [
             {"weight": weight, "bias": bias, "activation": layer.activation}
+            | ({} if layer.groups == 1 else {"groups": layer.groups})
             for (weight, bias), layer in zip(map(layer_constants, range(len(layers))), layers, strict=True)
         ],
         "rest_keys": REST_KEYS,
