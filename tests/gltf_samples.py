@@ -10,7 +10,7 @@ import numpy as np
 from garmentc.gltf.asset import Asset, Clip, GltfOptions
 from garmentc.outfit.corners import CornerPrimitive
 from garmentc.outfit.outfit import Material
-from garmentc.rig import DenseLayer, KeyNetwork, Rig
+from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE, ENCODING_WIDTHS, DenseLayer, KeyNetwork, Rig
 from garmentc.smpl.default_body import load_default_body
 from garmentc.smpl.motion import Motion
 
@@ -65,12 +65,15 @@ def make_rig(morphs: int = 8, influences: int = 4, columns: int = 24, rows: int 
     )
 
 
-def make_keys(morphs: int, random: np.random.Generator) -> KeyNetwork:
-    def layer(inputs: int, outputs: int, activation: str) -> DenseLayer:
+def make_keys(
+    morphs: int, random: np.random.Generator, encoding: str = ENCODING_GRAVITY_AXIS_ANGLE, groups: int = 1
+) -> KeyNetwork:
+    def layer(inputs: int, outputs: int, activation: str, groups: int = 1) -> DenseLayer:
         weight = random.normal(0, 1.2 / np.sqrt(inputs), (outputs, inputs)).astype(np.float32)
-        return DenseLayer(weight, random.normal(0, 0.1, outputs).astype(np.float32), activation)
+        return DenseLayer(weight, random.normal(0, 0.1, outputs).astype(np.float32), activation, groups)
 
-    network = KeyNetwork((layer(72, 32, "relu"), layer(32, 24, "normalized_relu"), layer(24, morphs, "linear")))
+    first = layer(ENCODING_WIDTHS[encoding], 32, "relu")
+    network = KeyNetwork((first, layer(32, 24, "normalized_relu", groups), layer(24, morphs, "linear")), encoding)
     last = network.layers[-1]
     at_rest = network(np.zeros((24, 3))).astype(np.float32)
     return replace(network, layers=(*network.layers[:-1], replace(last, bias=last.bias - at_rest)))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from gltf_samples import make_asset
+from gltf_samples import make_asset, make_keys, make_rig
 from scipy.spatial.transform import Rotation
 
 from garmentc.errors import GarmentcError
@@ -19,29 +20,52 @@ from garmentc.gltf.pose_keys import EXTENSION
 from garmentc.gltf.posing import pose_key_network, state_at_pose
 from garmentc.gltf.read import read_glb
 from garmentc.gltf.write import write_glb
+from garmentc.rig import ENCODING_GRAVITY_JOINTS, KeyNetwork
 from garmentc.schema import check_schema
 from garmentc.smpl.pose_sampler import sample_poses
-from garmentc.smpl.skeleton import JOINT_NAMES
+from garmentc.smpl.skeleton import JOINT_NAMES, PARENTS
+
+KEYS = {
+    "as first": make_rig(morphs=6).keys,
+    "gravity in joints, five groups": make_keys(6, np.random.default_rng(1), ENCODING_GRAVITY_JOINTS, groups=5),
+}
+
+
+@pytest.fixture(scope="module", params=KEYS)
+def keys(request: pytest.FixtureRequest) -> KeyNetwork:
+    found = KEYS[request.param]
+    assert found is not None
+    return found
 
 
 @pytest.fixture(scope="module")
-def sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sample(keys: KeyNetwork, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("glb") / "a.glb"
-    write_glb(make_asset(morphs=6), path)
+    asset = make_asset(morphs=6)
+    write_glb(replace(asset, rig=replace(asset.rig, keys=keys)), path)
     return path
 
 
 def in_words_of_the_document(network: dict[str, Any], pose: np.ndarray) -> np.ndarray:
     """Step by step as docs/GARMENTC_mesh_pose_keys.md says, with scipy's rotations and Python's base64."""
     rotations = Rotation.from_rotvec(pose)
-    x = np.concatenate([rotations[0].inv().apply([0, 1, 0]) - [0, 1, 0], rotations[1:].as_rotvec().reshape(-1)])
+    numbers = [rotations[0].inv().apply([0, 1, 0]) - [0, 1, 0]]
+    world = [rotations[0]]
+    for joint in range(1, 24):
+        world.append(world[PARENTS[joint]] * rotations[joint])
+        if network["encoding"] == "gravity_joints":
+            numbers.append(world[joint].inv().apply([0, 1, 0]) - [0, 1, 0])
+        numbers.append(rotations[joint].as_rotvec())
+    x = np.concatenate(numbers)
     for layer in network["layers"]:
         weight = np.frombuffer(base64.b64decode(layer["weight"]), "<f4").reshape(layer["outputs"], layer["inputs"])
         x = weight.astype(float) @ x + np.frombuffer(base64.b64decode(layer["bias"]), "<f4")
         if layer["activation"] != "linear":
             x = np.maximum(x, 0)
         if layer["activation"] == "normalized_relu":
-            x = x / (x.sum() + 1e-6)
+            groups = layer.get("groups", 1)
+            group = np.array([math.floor(i * groups / len(x)) for i in range(len(x))])
+            x = x / (np.array([x[group == each].sum() for each in group]) + 1e-6)
     return x
 
 
@@ -62,9 +86,8 @@ def test_it_is_used_and_never_required(sample: Path) -> None:
     assert EXTENSION not in document.get("extensionsRequired", [])
 
 
-def test_both_copies_hold_the_network(sample: Path) -> None:
-    glb, keys = read_glb(sample), make_asset(morphs=6).rig.keys
-    assert keys is not None
+def test_both_copies_hold_the_network(sample: Path, keys: KeyNetwork) -> None:
+    glb = read_glb(sample)
     for network in (glb.meshes[0].pose_keys, glb.nodes[25].pose_keys):
         assert network is not None
         assert network.joints == tuple(range(24))
@@ -72,12 +95,11 @@ def test_both_copies_hold_the_network(sample: Path) -> None:
         for layer, expected in zip(network.layers, keys.layers, strict=True):
             np.testing.assert_array_equal(layer.weight, expected.weight)
             np.testing.assert_array_equal(layer.bias, expected.bias)
-            assert layer.activation == expected.activation
+            assert (layer.activation, layer.groups) == (expected.activation, expected.groups)
 
 
-def test_the_documents_mathematics_gives_the_rigs_keys(sample: Path) -> None:
-    glb, keys = read_glb(sample), make_asset(morphs=6).rig.keys
-    assert keys is not None
+def test_the_documents_mathematics_gives_the_rigs_keys(sample: Path, keys: KeyNetwork) -> None:
+    glb = read_glb(sample)
     network = json.loads(read_chunks(sample).document["nodes"][25]["extras"][EXTENSION])
     long_way = np.zeros((24, 3))
     long_way[5] = [4.0, 0.0, 0.0]  # beyond pi: the shorter way counts

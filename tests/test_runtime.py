@@ -17,7 +17,7 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
-from gltf_samples import make_asset, make_rig
+from gltf_samples import make_asset, make_keys
 from onnx import TensorProto, numpy_helper
 from runtime_runs import EXAMPLES, PROGRAMS, network_of, node
 from scipy.spatial.transform import Rotation
@@ -28,7 +28,7 @@ from garmentc.gltf.pose_keys import EXTENSION, extras_string
 from garmentc.gltf.skeletons import MIXAMO
 from garmentc.gltf.write import write_glb
 from garmentc.key_graph import key_graph
-from garmentc.rig import KeyNetwork
+from garmentc.rig import ENCODING_GRAVITY_JOINTS, ENCODING_WIDTHS, KeyNetwork
 from garmentc.smpl.pose_sampler import sample_poses
 
 ENGINES = ("three", "babylon", "babylon_right_handed")
@@ -102,11 +102,13 @@ def in_doubles(graph: bytes) -> bytes:
     return model.SerializeToString()
 
 
-def test_equals_onnxruntime(poses: np.ndarray, tmp_path: Path) -> None:
-    network = make_rig(morphs=11).keys
-    assert network is not None
+@pytest.mark.parametrize("encoding", ENCODING_WIDTHS)
+@pytest.mark.parametrize("groups", [1, 5, 24])
+def test_equals_onnxruntime(encoding: str, groups: int, poses: np.ndarray, tmp_path: Path) -> None:
+    network = make_keys(11, np.random.default_rng(7), encoding, groups)
     found = evaluated(extras_string(network), poses, tmp_path)
     np.testing.assert_allclose(found, by_onnxruntime(key_graph(network), poses), atol=PRECISION, rtol=0)
+    np.testing.assert_allclose(found, network(poses), atol=1e-12, rtol=0)
 
 
 def test_the_default_network_equals_onnxruntime(compiled: Compiled, poses: np.ndarray, tmp_path: Path) -> None:
@@ -136,9 +138,10 @@ def test_the_network_costs_little_more_than_its_numbers_twice(compiled: Compiled
 
 
 def wardrobe() -> Asset:
-    """Two garments with other networks and another number of morphs, under names that three.js alters."""
+    """Two garments with networks of each encoding and another number of morphs, under names that three.js alters."""
     gown, slip = make_asset(skeleton=MIXAMO), make_asset(morphs=3, columns=16, rows=12, parts=1)
-    return replace(gown, also=(RiggedMesh("slip", slip.rig, slip.primitives, slip.materials),))
+    grouped = replace(slip.rig, keys=make_keys(3, np.random.default_rng(8), ENCODING_GRAVITY_JOINTS, groups=5))
+    return replace(gown, also=(RiggedMesh("slip", grouped, slip.primitives, slip.materials),))
 
 
 def rewritten(glb: Path, to: Path, change: Callable[[dict[str, Any]], None]) -> Path:
@@ -274,10 +277,13 @@ def test_a_broken_network_is_refused(driven: dict[tuple[str, str], Any], engine:
     assert "GARMENTC_mesh_pose_keys: a layer does not hold 32 × " in driven[engine, "broken"]["error"]
 
 
+@pytest.mark.parametrize("encoding", ENCODING_WIDTHS)
 @pytest.mark.parametrize("engine", ["three", "babylon"])
-def test_an_update_allocates_nothing(compiled: Compiled, engine: str) -> None:
+def test_an_update_allocates_nothing(engine: str, encoding: str, tmp_path: Path) -> None:
     engine_runs.require_engines()
+    gown, keys = make_asset(morphs=32), make_keys(32, np.random.default_rng(7), encoding, groups=5)
+    write_glb(replace(gown, rig=replace(gown.rig, keys=keys)), tmp_path / "a.glb")
     # Babylon's own setter of an influence allocates a number wherever V8 does not inline it.
     inline = "--max-inlined-bytecode-size-cumulative=4000"
-    least = float(node("--expose-gc", inline, PROGRAMS / "allocations.mjs", engine, compiled.glb))
+    least = float(node("--expose-gc", inline, PROGRAMS / "allocations.mjs", engine, tmp_path / "a.glb"))
     assert least < 1  # bytes an update

@@ -6,7 +6,9 @@
 /** Of the extension of the mesh, and of the string in the extras of its node. */
 export const NAME = 'GARMENTC_mesh_pose_keys';
 
-const VERSION = 1, ENCODING = 'gravity_axis_angle', JOINTS = 24, INPUTS = 3 * JOINTS;
+const VERSION = 1, JOINTS = 24;
+const INPUTS = new Map([['gravity_axis_angle', 3 * JOINTS], ['gravity_joints', 6 * JOINTS - 3]]); // by encoding
+const PARENTS = [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21]; // SMPL's tree
 const ACTIVATIONS = ['linear', 'relu', 'normalized_relu'];
 const EPSILON = 1e-6; // of normalized_relu: never 0 / 0
 
@@ -19,13 +21,14 @@ AAsgACAJ/QsEACAAIAr9CwQQIAAgC/0LBCAgACAM/QsEMCAGQSBqIQYgAEHAAGoiACABSQ0ACws=`;
 const ROWS = 8; // outputs that it computes at a time
 
 /**
- * activation(weight · x + bias); `weight` row after row, one row for each output.
- * @typedef {{weight: Float32Array, bias: Float32Array, activation: string}} Layer
+ * activation(weight · x + bias); `weight` row after row, one row for each output. `normalized_relu` cuts the outputs
+ * into `groups` (1 where not given), each with a sum of its own.
+ * @typedef {{weight: Float32Array, bias: Float32Array, activation: string, groups?: number}} Layer
  */
 
 /**
  * @template Joint what the joints are given by: their nodes' names in the extras, indices in the extension
- * @typedef {{joints: Joint[], layers: Layer[]}} Network
+ * @typedef {{encoding: string, joints: Joint[], layers: Layer[]}} Network
  */
 
 /**
@@ -69,18 +72,20 @@ export function networkInExtension(extension, accessor) {
  */
 function network(entry, numbers) {
   const known = (/** @type {any} */ layer) => ACTIVATIONS.includes(layer.activation);
-  if (entry.version !== VERSION || entry.encoding !== ENCODING || !entry.layers.every(known)) return null;
-  const layers = entry.layers.map((/** @type {any} */ layer) =>
-    ({weight: numbers(layer.weight), bias: numbers(layer.bias), activation: layer.activation}));
+  let inputs = INPUTS.get(entry.encoding);
+  if (entry.version !== VERSION || !inputs || !entry.layers.every(known)) return null;
+  const layers = entry.layers.map((/** @type {any} */ {weight, bias, activation, groups = 1}) =>
+    ({weight: numbers(weight), bias: numbers(bias), activation, groups}));
   if (entry.joints.length !== JOINTS || !layers.length)
     throw new Error(`${NAME}: ${entry.joints.length} joints and ${layers.length} layers, not ${JOINTS} and some`);
-  let inputs = INPUTS;
-  for (const {weight, bias} of layers) {
+  for (const {weight, bias, groups} of layers) {
     if (weight.length !== inputs * bias.length || !weight.every(Number.isFinite) || !bias.every(Number.isFinite))
       throw new Error(`${NAME}: a layer does not hold ${inputs} × ${bias.length} finite weights`);
     inputs = bias.length;
+    if (!Number.isInteger(groups) || groups < 1 || groups > bias.length)
+      throw new Error(`${NAME}: a layer of ${bias.length} outputs cannot have ${groups} groups`);
   }
-  return {joints: entry.joints, layers};
+  return {encoding: entry.encoding, joints: entry.joints, layers};
 }
 
 /**
@@ -91,14 +96,16 @@ function network(entry, numbers) {
  */
 export class PoseKeys {
   /** @param {Network<unknown>} network */
-  constructor({layers}) {
-    let bytes = 0, input = reserve(8 * INPUTS), inputs = INPUTS;
-    const plan = layers.map(({weight, bias, activation}) => {
+  constructor({encoding, layers}) {
+    let bytes = 0, inputs = /** @type {number} */ (INPUTS.get(encoding)), input = reserve(8 * inputs);
+    /** @private */
+    this.encode = encoding === 'gravity_joints' ? encodeWithGravity : encode;
+    const plan = layers.map(({weight, bias, activation, groups = 1}) => {
       const outputs = bias.length, rows = Math.ceil(outputs / ROWS) * ROWS;
       const output = reserve(8 * rows), columns = reserve(4 * rows * inputs);
-      const layer = {input, inputs, output, outputs, columns, rows, weight, bias: Float64Array.from(bias), activation};
+      const plain = {input, inputs, output, outputs, columns, rows, weight, bias: Float64Array.from(bias)};
       [input, inputs] = [output, outputs];
-      return layer;
+      return {...plain, activation, groups};
     });
     const most = Math.max(...plan.map(layer => layer.inputs));
     /** @private addresses: inputs that are not 0, and their columns' addresses */
@@ -133,7 +140,7 @@ export class PoseKeys {
    * @returns {Float64Array} `keys`, one for each morph target
    */
   evaluate(pelvis, rotations) {
-    encode(this.doubles, pelvis, rotations);
+    this.encode(this.doubles, pelvis, rotations);
     for (let i = 0; i < this.layers.length; i++) this.run(this.layers[i]);
     return this.keys;
   }
@@ -142,7 +149,7 @@ export class PoseKeys {
   reset() {}
 
   /** @private @param {PoseKeys['layers'][number]} layer */
-  run({input, inputs, output, outputs, columns, rows, bias, activation}) {
+  run({input, inputs, output, outputs, columns, rows, bias, activation, groups}) {
     const {doubles, integers, used} = this;
     const x = input >> 3, y = output >> 3, values = used.values >> 3, starts = used.columns >> 2;
     let count = 0;
@@ -155,10 +162,14 @@ export class PoseKeys {
     doubles.set(bias, y);
     if (count) this.kernel.accumulate(output, output + 8 * rows, used.columns, used.values, count);
     if (activation === 'linear') return;
-    let sum = EPSILON;
-    for (let i = y; i < y + outputs; i++) sum += doubles[i] = Math.max(doubles[i], 0);
+    for (let i = y; i < y + outputs; i++) doubles[i] = Math.max(doubles[i], 0);
     if (activation === 'relu') return;
-    for (let i = y; i < y + outputs; i++) doubles[i] /= sum;
+    for (let group = 0, start = y; group < groups; group++) { // output i of n is in group floor(i · groups / n)
+      const end = y + Math.ceil((group + 1) * outputs / groups);
+      let sum = EPSILON;
+      for (let i = start; i < end; i++) sum += doubles[i];
+      for (; start < end; start++) doubles[start] /= sum;
+    }
   }
 }
 
@@ -169,16 +180,55 @@ export class PoseKeys {
  * @param {ArrayLike<number>} rotations
  */
 function encode(x, pelvis, rotations) {
+  encodePelvis(x, pelvis);
+  for (let joint = 1; joint < JOINTS; joint++) encodeAxisAngle(x, 3 * joint, rotations, joint);
+}
+
+/**
+ * Encoding `gravity_joints`: up as the pelvis sees it minus up at rest, then of each joint the same and its axis times
+ * its angle. What the parent of a joint sees, turned back by the rotation of the joint, is what the joint sees.
+ * @param {Float64Array} x 141 numbers to write
+ * @param {ArrayLike<number>} pelvis
+ * @param {ArrayLike<number>} rotations
+ */
+function encodeWithGravity(x, pelvis, rotations) {
+  encodePelvis(x, pelvis);
+  for (let joint = 1; joint < JOINTS; joint++) {
+    const to = 6 * joint - 3, parent = PARENTS[joint], from = parent ? 6 * parent - 3 : 0, at = 4 * joint;
+    const a = rotations[at], b = rotations[at + 1], c = rotations[at + 2], w = rotations[at + 3];
+    const double = 2 / (a * a + b * b + c * c + w * w), ux = x[from], uy = x[from + 1] + 1, uz = x[from + 2];
+    const p = b * uz - c * uy, q = c * ux - a * uz, r = a * uy - b * ux; // axis × up
+    x[to] = ux + double * (b * r - c * q - w * p);
+    x[to + 1] = uy + double * (c * p - a * r - w * q) - 1;
+    x[to + 2] = uz + double * (a * q - b * p - w * r);
+    encodeAxisAngle(x, to + 3, rotations, joint);
+  }
+}
+
+/**
+ * The first three numbers.
+ * @param {Float64Array} x
+ * @param {ArrayLike<number>} pelvis
+ */
+function encodePelvis(x, pelvis) {
   for (let i = 0; i < 3; i++) { // the second row of the matrix, its columns freed of scale
     const a = pelvis[4 * i], b = pelvis[4 * i + 1], c = pelvis[4 * i + 2];
     x[i] = b / Math.sqrt(a * a + b * b + c * c) - (i === 1 ? 1 : 0);
   }
-  for (let joint = 1; joint < JOINTS; joint++) {
-    const at = 4 * joint, a = rotations[at], b = rotations[at + 1], c = rotations[at + 2], w = rotations[at + 3];
-    const length = Math.sqrt(a * a + b * b + c * c), sign = w < 0 ? -1 : 1; // the shorter way round
-    const scale = length < 1e-12 ? 2 * sign : sign * 2 * Math.atan2(length, sign * w) / length;
-    x[3 * joint] = a * scale;
-    x[3 * joint + 1] = b * scale;
-    x[3 * joint + 2] = c * scale;
-  }
+}
+
+/**
+ * A joint's axis times its angle, the shorter way round.
+ * @param {Float64Array} x
+ * @param {number} to where in `x`
+ * @param {ArrayLike<number>} rotations
+ * @param {number} joint
+ */
+function encodeAxisAngle(x, to, rotations, joint) {
+  const at = 4 * joint, a = rotations[at], b = rotations[at + 1], c = rotations[at + 2], w = rotations[at + 3];
+  const length = Math.sqrt(a * a + b * b + c * c), sign = w < 0 ? -1 : 1;
+  const scale = length < 1e-12 ? 2 * sign : sign * 2 * Math.atan2(length, sign * w) / length;
+  x[to] = a * scale;
+  x[to + 1] = b * scale;
+  x[to + 2] = c * scale;
 }

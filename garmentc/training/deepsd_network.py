@@ -7,7 +7,7 @@ Where it departs from the paper, and why:
 - Weights are drawn as He et al. 2015 do for ReLU, and what keys are multiplied with is KEY_SCALE times the numbers that
   are learned: the published start needs several times as many steps.
 - The pose enters as up-in-the-pelvis-frame (3) and the axis-angle of joints 1..23 (69): 72 numbers as in the paper,
-  but blind to heading (`garmentc.rig.encode_pose`).
+  but blind to heading (`garmentc.rig.encode_pose`); other encodings are in `garmentc.training.pose_encodings`.
 """
 
 from __future__ import annotations

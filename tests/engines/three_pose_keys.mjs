@@ -20,16 +20,22 @@ function networkOf(object) {
   return networkOf(object.parent);
 }
 
-function poseKeys(layers, joints) {
-  const up = new THREE.Vector3(0, 1, 0).applyQuaternion(joints[0].getWorldQuaternion(new THREE.Quaternion()).invert());
-  let x = [up.x, up.y - 1, up.z, ...joints.slice(1).flatMap(joint => axisAngle(joint.quaternion))];
-  for (const {weight, bias, activation} of layers) {
+function gravity(joint) {
+  const up = new THREE.Vector3(0, 1, 0).applyQuaternion(joint.getWorldQuaternion(new THREE.Quaternion()).invert());
+  return [up.x, up.y - 1, up.z];
+}
+
+function poseKeys({encoding}, layers, joints) {
+  const felt = encoding === 'gravity_joints' ? gravity : () => [];
+  let x = [...gravity(joints[0]), ...joints.slice(1).flatMap(j => [...felt(j), ...axisAngle(j.quaternion)])];
+  for (const {weight, bias, activation, groups = 1} of layers) {
     const inputs = x;
     x = Array.from(bias, (b, o) => inputs.reduce((sum, value, i) => sum + weight[o * inputs.length + i] * value, b));
     if (activation !== 'linear') x = x.map(value => Math.max(value, 0));
     if (activation === 'normalized_relu') {
-      const sum = x.reduce((a, b) => a + b, 1e-6);
-      x = x.map(value => value / sum);
+      const group = x.map((_, i) => Math.floor(i * groups / x.length)), sums = Array(groups).fill(1e-6);
+      x.forEach((value, i) => { sums[group[i]] += value; });
+      x = x.map((value, i) => value / sums[group[i]]);
     }
   }
   return x;
@@ -49,7 +55,7 @@ await eachJob(async ({glb, out, poses}) => {
     const rest = joints[0].userData.rest ??= joints[0].position.clone();
     joints[0].position.copy(rest).add(new THREE.Vector3(...translation));
     scene.updateMatrixWorld(true);
-    const weights = poseKeys(layers, joints);
+    const weights = poseKeys(network, layers, joints);
     for (const mesh of meshes) weights.forEach((weight, i) => { mesh.morphTargetInfluences[i] = weight; });
     for (const value of worldPositions(scene, meshes)) positions.push(value);
   }
