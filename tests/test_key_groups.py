@@ -139,7 +139,7 @@ def test_gravity_in_joints_is_mirrored_as_poses_are() -> None:
 
 
 def test_a_run_with_both_is_trained_exported_and_compiled_with(tmp_path: Path) -> None:
-    outfits = read_outfits(swinging_patches(tmp_path / "data"), "train")
+    outfits = read_outfits(swinging_patches(tmp_path / "data", outfits=2), "train")
     network = DeepsdConfig(**SMALL_NETWORK, pose_encoding=ENCODING_GRAVITY_JOINTS, grouped_keys=True)  # type: ignore[arg-type]
     recipe = Recipe(
         data=DataStage(8, outfits_per_step=(1,), poses=6, vertices=20),

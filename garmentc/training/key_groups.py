@@ -90,6 +90,6 @@ def group_features(width: int) -> NDArray[np.float32]:
 
 def group_sums(keys: Tensor) -> Tensor:
     """The sum of the group that each key is in: (T, P) to (T, P)."""
-    group = torch.from_numpy(output_groups(keys.shape[1], len(KEY_GROUPS)))
+    group = torch.from_numpy(output_groups(keys.shape[1], len(KEY_GROUPS))).to(keys.device)
     sums = keys.new_zeros(len(keys), len(KEY_GROUPS)).index_add(1, group, keys)
     return sums[:, group]
