@@ -74,11 +74,12 @@ bench: $(TEST_INSTALLED) $(ENGINES)
 body: $(TEST_INSTALLED)
 	$(BIN)/python -m garmentc.smpl.build_body
 
-# Some 4 CPU hours and 350 MB; may be stopped at any time and goes on where it was.
+# Some 5 CPU hours and 400 MB; may be stopped at any time and goes on where it was.
 data: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --editable ".[simulate]"
 	$(BIN)/garmentc simulate --preset benchmark-v1 --out $(DATA)/benchmark-v1
 	$(BIN)/garmentc simulate --preset wardrobe-v1 --seed 1 --out $(DATA)/wardrobe-v1
+	$(BIN)/garmentc simulate --preset wardrobe-v2 --seed 2 --out $(DATA)/wardrobe-v2
 	$(BIN)/garmentc simulate --preset tshirt --out $(DATA)/tshirt
 
 # Trains every variant of DeePSD that the paper compares, and writes docs/ablations.md. Some 90 CPU minutes, after `make data`.
