@@ -47,11 +47,7 @@ def key_graph(network: KeyNetwork, rest_keys: NDArray[Any] | None = None) -> byt
         if layer.activation != "linear":
             x = graph.add("Relu", [x], f"{name}.relu")
         if layer.activation == "normalized_relu":
-            if layer.groups == 1:
-                total = graph.add("ReduceSum", [x, "last_axis"], f"{name}.sum", keepdims=1)
-            else:
-                together = graph.constant(f"{name}.together", layer.together)
-                total = graph.add("MatMul", [x, together], f"{name}.sum")
+            total = graph.add("ReduceSum", [x, "last_axis"], f"{name}.sum", keepdims=1)
             floor = graph.add(
                 "Add", [total, graph.constant(f"{name}.epsilon", [NORMALIZED_RELU_EPSILON])], f"{name}.floor"
             )

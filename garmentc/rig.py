@@ -76,37 +76,21 @@ def _up_in_joints(up: NDArray[Any], rotations: NDArray[Any]) -> NDArray[Any]:
     return np.concatenate(found[1:], axis=-2)
 
 
-def output_groups(outputs: int, groups: int) -> NDArray[np.int64]:
-    """(outputs,) the group of each output of a layer: floor(i * groups / outputs)."""
-    return np.arange(outputs) * groups // outputs
-
-
 @dataclass(frozen=True)
 class DenseLayer:
-    """activation(weight @ x + bias); weight (outputs, inputs), bias (outputs,), float32.
-
-    groups  of `normalized_relu`: into so many runs the outputs are cut, each with a sum of its own (`output_groups`)
-    """
+    """activation(weight @ x + bias); weight (outputs, inputs), bias (outputs,), float32."""
 
     weight: NDArray[Any]
     bias: NDArray[Any]
     activation: str = "linear"
-    groups: int = 1
 
     def __call__(self, x: NDArray[Any]) -> NDArray[Any]:
         y: NDArray[Any] = x @ self.weight.T.astype(x.dtype) + self.bias.astype(x.dtype)
         if self.activation != "linear":
             y = np.maximum(y, 0)
         if self.activation == "normalized_relu":
-            total = y.sum(axis=-1, keepdims=True) if self.groups == 1 else y @ self.together.astype(y.dtype)
-            y = y / (total + NORMALIZED_RELU_EPSILON)
+            y = y / (y.sum(axis=-1, keepdims=True) + NORMALIZED_RELU_EPSILON)
         return y
-
-    @property
-    def together(self) -> NDArray[np.float32]:
-        """(outputs, outputs): 1 where two outputs are in the same group, else 0."""
-        group = output_groups(len(self.bias), self.groups)
-        return np.equal.outer(group, group).astype(np.float32)
 
 
 @dataclass(frozen=True)

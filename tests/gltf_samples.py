@@ -65,15 +65,13 @@ def make_rig(morphs: int = 8, influences: int = 4, columns: int = 24, rows: int 
     )
 
 
-def make_keys(
-    morphs: int, random: np.random.Generator, encoding: str = ENCODING_GRAVITY_AXIS_ANGLE, groups: int = 1
-) -> KeyNetwork:
-    def layer(inputs: int, outputs: int, activation: str, groups: int = 1) -> DenseLayer:
+def make_keys(morphs: int, random: np.random.Generator, encoding: str = ENCODING_GRAVITY_AXIS_ANGLE) -> KeyNetwork:
+    def layer(inputs: int, outputs: int, activation: str) -> DenseLayer:
         weight = random.normal(0, 1.2 / np.sqrt(inputs), (outputs, inputs)).astype(np.float32)
-        return DenseLayer(weight, random.normal(0, 0.1, outputs).astype(np.float32), activation, groups)
+        return DenseLayer(weight, random.normal(0, 0.1, outputs).astype(np.float32), activation)
 
     first = layer(ENCODING_WIDTHS[encoding], 32, "relu")
-    network = KeyNetwork((first, layer(32, 24, "normalized_relu", groups), layer(24, morphs, "linear")), encoding)
+    network = KeyNetwork((first, layer(32, 24, "normalized_relu"), layer(24, morphs, "linear")), encoding)
     last = network.layers[-1]
     at_rest = network(np.zeros((24, 3))).astype(np.float32)
     return replace(network, layers=(*network.layers[:-1], replace(last, bias=last.bias - at_rest)))

@@ -17,7 +17,7 @@ from PIL import Image
 
 from garmentc.gltf.write import write_glb
 from garmentc.outfit.outfit import Material, Texture
-from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE, ENCODING_GRAVITY_JOINTS
+from garmentc.rig import ENCODING_WIDTHS
 from garmentc.smpl.pose_sampler import sample_poses
 
 
@@ -65,10 +65,10 @@ def test_an_engine_moves_every_vertex_as_the_rig_does(moved: Moved, subjects: di
     np.testing.assert_allclose(moved.positions[gown], expected, atol=subjects[gown].tolerance, rtol=0)
 
 
-@pytest.mark.parametrize(("encoding", "groups"), [(ENCODING_GRAVITY_AXIS_ANGLE, 1), (ENCODING_GRAVITY_JOINTS, 5)])
-def test_three_drives_the_pose_keys_as_the_document_says(encoding: str, groups: int, folder: Path) -> None:
+@pytest.mark.parametrize("encoding", ENCODING_WIDTHS)
+def test_three_drives_the_pose_keys_as_the_document_says(encoding: str, folder: Path) -> None:
     asset = make_asset(morphs=32)
-    asset = replace(asset, rig=replace(asset.rig, keys=make_keys(32, np.random.default_rng(7), encoding, groups)))
+    asset = replace(asset, rig=replace(asset.rig, keys=make_keys(32, np.random.default_rng(7), encoding)))
     write_glb(asset, folder / "keys.glb")
     poses, translations = sample_poses(6, seed=4), np.random.default_rng(4).normal(size=(6, 3))
     poses[1] = 0

@@ -1,4 +1,4 @@
-"""Encodings of poses and grouped keys, in numpy and as an ONNX graph, against rotations composed by scipy."""
+"""Encodings of poses, in numpy and as an ONNX graph, against rotations composed by scipy."""
 
 from __future__ import annotations
 
@@ -68,19 +68,3 @@ def test_the_graph_encodes_alike(poses: np.ndarray, encoding: str) -> None:
     width = ENCODING_WIDTHS[encoding]
     same = KeyNetwork((DenseLayer(np.eye(width, dtype=np.float32), np.zeros(width, np.float32)),), encoding)
     np.testing.assert_allclose(by_onnxruntime(same, poses), encode_pose(poses, encoding), atol=5e-6)
-
-
-@pytest.mark.parametrize("groups", [1, 4, 30])
-@pytest.mark.parametrize("encoding", ENCODING_WIDTHS)
-def test_groups_have_sums_of_their_own(poses: np.ndarray, groups: int, encoding: str) -> None:
-    rng = np.random.default_rng(1)
-    weight = rng.normal(scale=0.2, size=(30, ENCODING_WIDTHS[encoding])).astype(np.float32)
-    layer = DenseLayer(weight, rng.normal(1, 0.3, size=30).astype(np.float32), "normalized_relu", groups)
-    network = KeyNetwork((layer,), encoding)
-    expected = np.maximum(encode_pose(poses, encoding) @ weight.T.astype(float) + layer.bias, 0)
-    for row in expected:
-        for group in range(groups):  # output i of n is in group floor(i * groups / n)
-            members = [i for i in range(30) if i * groups // 30 == group]
-            row[members] = row[members] / (row[members].sum() + 1e-6)
-    np.testing.assert_allclose(network(poses), expected, atol=1e-12)
-    np.testing.assert_allclose(by_onnxruntime(network, poses), expected, atol=2e-5)

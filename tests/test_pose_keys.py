@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,7 @@ from garmentc.smpl.skeleton import JOINT_NAMES, PARENTS
 
 KEYS = {
     "as first": make_rig(morphs=6).keys,
-    "gravity in joints, five groups": make_keys(6, np.random.default_rng(1), ENCODING_GRAVITY_JOINTS, groups=5),
+    "gravity in joints": make_keys(6, np.random.default_rng(1), ENCODING_GRAVITY_JOINTS),
 }
 
 
@@ -63,9 +62,7 @@ def in_words_of_the_document(network: dict[str, Any], pose: np.ndarray) -> np.nd
         if layer["activation"] != "linear":
             x = np.maximum(x, 0)
         if layer["activation"] == "normalized_relu":
-            groups = layer.get("groups", 1)
-            group = np.array([math.floor(i * groups / len(x)) for i in range(len(x))])
-            x = x / (np.array([x[group == each].sum() for each in group]) + 1e-6)
+            x = x / (x.sum() + 1e-6)
     return x
 
 
@@ -95,7 +92,7 @@ def test_both_copies_hold_the_network(sample: Path, keys: KeyNetwork) -> None:
         for layer, expected in zip(network.layers, keys.layers, strict=True):
             np.testing.assert_array_equal(layer.weight, expected.weight)
             np.testing.assert_array_equal(layer.bias, expected.bias)
-            assert (layer.activation, layer.groups) == (expected.activation, expected.groups)
+            assert layer.activation == expected.activation
 
 
 def test_the_documents_mathematics_gives_the_rigs_keys(sample: Path, keys: KeyNetwork) -> None:

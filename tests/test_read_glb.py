@@ -162,9 +162,6 @@ HOSTILE: dict[str, Edit] = {
     "an unknown activation": set_at(
         "meshes", 0, "extensions", "GARMENTC_mesh_pose_keys", "layers", 0, "activation", value="exec"
     ),
-    "no groups": set_at("meshes", 0, "extensions", "GARMENTC_mesh_pose_keys", "layers", 1, "groups", value=0),
-    "more groups than outputs": lambda d: edit_extras(d, lambda n: n["layers"][1].update(groups=25)),
-    "half a group": lambda d: edit_extras(d, lambda n: n["layers"][1].update(groups=1.5)),
 }  # fmt: skip
 
 

@@ -103,9 +103,8 @@ def in_doubles(graph: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("encoding", ENCODING_WIDTHS)
-@pytest.mark.parametrize("groups", [1, 5, 24])
-def test_equals_onnxruntime(encoding: str, groups: int, poses: np.ndarray, tmp_path: Path) -> None:
-    network = make_keys(11, np.random.default_rng(7), encoding, groups)
+def test_equals_onnxruntime(encoding: str, poses: np.ndarray, tmp_path: Path) -> None:
+    network = make_keys(11, np.random.default_rng(7), encoding)
     found = evaluated(extras_string(network), poses, tmp_path)
     np.testing.assert_allclose(found, by_onnxruntime(key_graph(network), poses), atol=PRECISION, rtol=0)
     np.testing.assert_allclose(found, network(poses), atol=1e-12, rtol=0)
@@ -140,8 +139,8 @@ def test_the_network_costs_little_more_than_its_numbers_twice(compiled: Compiled
 def wardrobe() -> Asset:
     """Two garments with networks of each encoding and another number of morphs, under names that three.js alters."""
     gown, slip = make_asset(skeleton=MIXAMO), make_asset(morphs=3, columns=16, rows=12, parts=1)
-    grouped = replace(slip.rig, keys=make_keys(3, np.random.default_rng(8), ENCODING_GRAVITY_JOINTS, groups=5))
-    return replace(gown, also=(RiggedMesh("slip", grouped, slip.primitives, slip.materials),))
+    hanging = replace(slip.rig, keys=make_keys(3, np.random.default_rng(8), ENCODING_GRAVITY_JOINTS))
+    return replace(gown, also=(RiggedMesh("slip", hanging, slip.primitives, slip.materials),))
 
 
 def rewritten(glb: Path, to: Path, change: Callable[[dict[str, Any]], None]) -> Path:
@@ -281,7 +280,7 @@ def test_a_broken_network_is_refused(driven: dict[tuple[str, str], Any], engine:
 @pytest.mark.parametrize("engine", ["three", "babylon"])
 def test_an_update_allocates_nothing(engine: str, encoding: str, tmp_path: Path) -> None:
     engine_runs.require_engines()
-    gown, keys = make_asset(morphs=32), make_keys(32, np.random.default_rng(7), encoding, groups=5)
+    gown, keys = make_asset(morphs=32), make_keys(32, np.random.default_rng(7), encoding)
     write_glb(replace(gown, rig=replace(gown.rig, keys=keys)), tmp_path / "a.glb")
     # Babylon's own setter of an influence allocates a number wherever V8 does not inline it.
     inline = "--max-inlined-bytecode-size-cumulative=4000"

@@ -41,7 +41,6 @@ def test_ablations_have_the_same_budget_and_change_one_thing() -> None:
         ("[data\n", "no TOML.*line 1"),
         ("seed = 1\n", "data"),
         ("metadata = ['colour']\n[data]\nsteps = 1\n", "metadata"),
-        ("[network]\ngrouped_keys = true\nkeys = 6\n[data]\nsteps = 1\n", "7 groups"),
         ("[network]\ndeformation = 'none'\n[data]\nsteps = 1\n[physics]\nsteps = 1\n", "leave .physics. out"),
     ],
 )

@@ -90,13 +90,6 @@ def edit_bias(glb: GlbAsset, amount: float) -> GlbAsset:
     return edit_mesh(glb, pose_keys=replace(network, layers=(*network.layers[:-1], last)))
 
 
-def edit_groups(glb: GlbAsset, groups: int) -> GlbAsset:
-    network = glb.meshes[0].pose_keys
-    assert network is not None
-    first, normalized, last = network.layers
-    return edit_mesh(glb, pose_keys=replace(network, layers=(first, replace(normalized, groups=groups), last)))
-
-
 def fewer_outputs(glb: GlbAsset) -> GlbAsset:
     network = glb.meshes[0].pose_keys
     assert network is not None
@@ -157,11 +150,6 @@ def test_every_fault_is_found(sample: GlbAsset, code: str) -> None:
     findings = validate_glb(FAULTS[code](sample))
     assert code in {finding.code for finding in findings}
     assert all("\n" not in str(finding) for finding in findings)
-
-
-def test_copies_with_other_groups_are_not_the_same(sample: GlbAsset) -> None:
-    assert "pose-key-copies" in {finding.code for finding in validate_glb(edit_groups(sample, 3))}
-    assert "pose-key-copies" not in {finding.code for finding in validate_glb(edit_groups(sample, 1))}
 
 
 def test_a_network_of_the_other_encoding_must_have_its_inputs(sample: GlbAsset) -> None:

@@ -21,9 +21,8 @@ AAsgACAJ/QsEACAAIAr9CwQQIAAgC/0LBCAgACAM/QsEMCAGQSBqIQYgAEHAAGoiACABSQ0ACws=`;
 const ROWS = 8; // outputs that it computes at a time
 
 /**
- * activation(weight · x + bias); `weight` row after row, one row for each output. `normalized_relu` cuts the outputs
- * into `groups` (1 where not given), each with a sum of its own.
- * @typedef {{weight: Float32Array, bias: Float32Array, activation: string, groups?: number}} Layer
+ * activation(weight · x + bias); `weight` row after row, one row for each output.
+ * @typedef {{weight: Float32Array, bias: Float32Array, activation: string}} Layer
  */
 
 /**
@@ -74,16 +73,14 @@ function network(entry, numbers) {
   const known = (/** @type {any} */ layer) => ACTIVATIONS.includes(layer.activation);
   let inputs = INPUTS.get(entry.encoding);
   if (entry.version !== VERSION || !inputs || !entry.layers.every(known)) return null;
-  const layers = entry.layers.map((/** @type {any} */ {weight, bias, activation, groups = 1}) =>
-    ({weight: numbers(weight), bias: numbers(bias), activation, groups}));
+  const layers = entry.layers.map((/** @type {any} */ layer) =>
+    ({weight: numbers(layer.weight), bias: numbers(layer.bias), activation: layer.activation}));
   if (entry.joints.length !== JOINTS || !layers.length)
     throw new Error(`${NAME}: ${entry.joints.length} joints and ${layers.length} layers, not ${JOINTS} and some`);
-  for (const {weight, bias, groups} of layers) {
+  for (const {weight, bias} of layers) {
     if (weight.length !== inputs * bias.length || !weight.every(Number.isFinite) || !bias.every(Number.isFinite))
       throw new Error(`${NAME}: a layer does not hold ${inputs} × ${bias.length} finite weights`);
     inputs = bias.length;
-    if (!Number.isInteger(groups) || groups < 1 || groups > bias.length)
-      throw new Error(`${NAME}: a layer of ${bias.length} outputs cannot have ${groups} groups`);
   }
   return {encoding: entry.encoding, joints: entry.joints, layers};
 }
@@ -100,12 +97,12 @@ export class PoseKeys {
     let bytes = 0, inputs = /** @type {number} */ (INPUTS.get(encoding)), input = reserve(8 * inputs);
     /** @private */
     this.encode = encoding === 'gravity_joints' ? encodeWithGravity : encode;
-    const plan = layers.map(({weight, bias, activation, groups = 1}) => {
+    const plan = layers.map(({weight, bias, activation}) => {
       const outputs = bias.length, rows = Math.ceil(outputs / ROWS) * ROWS;
       const output = reserve(8 * rows), columns = reserve(4 * rows * inputs);
-      const plain = {input, inputs, output, outputs, columns, rows, weight, bias: Float64Array.from(bias)};
+      const layer = {input, inputs, output, outputs, columns, rows, weight, bias: Float64Array.from(bias), activation};
       [input, inputs] = [output, outputs];
-      return {...plain, activation, groups};
+      return layer;
     });
     const most = Math.max(...plan.map(layer => layer.inputs));
     /** @private addresses: inputs that are not 0, and their columns' addresses */
@@ -149,7 +146,7 @@ export class PoseKeys {
   reset() {}
 
   /** @private @param {PoseKeys['layers'][number]} layer */
-  run({input, inputs, output, outputs, columns, rows, bias, activation, groups}) {
+  run({input, inputs, output, outputs, columns, rows, bias, activation}) {
     const {doubles, integers, used} = this;
     const x = input >> 3, y = output >> 3, values = used.values >> 3, starts = used.columns >> 2;
     let count = 0;
@@ -162,14 +159,10 @@ export class PoseKeys {
     doubles.set(bias, y);
     if (count) this.kernel.accumulate(output, output + 8 * rows, used.columns, used.values, count);
     if (activation === 'linear') return;
-    for (let i = y; i < y + outputs; i++) doubles[i] = Math.max(doubles[i], 0);
+    let sum = EPSILON;
+    for (let i = y; i < y + outputs; i++) sum += doubles[i] = Math.max(doubles[i], 0);
     if (activation === 'relu') return;
-    for (let group = 0, start = y; group < groups; group++) { // output i of n is in group floor(i · groups / n)
-      const end = y + Math.ceil((group + 1) * outputs / groups);
-      let sum = EPSILON;
-      for (let i = start; i < end; i++) sum += doubles[i];
-      for (; start < end; start++) doubles[start] /= sum;
-    }
+    for (let i = y; i < y + outputs; i++) doubles[i] /= sum;
   }
 }
 

@@ -144,9 +144,7 @@ def _key_network(model: Any, manifest: dict[str, Any], path: Path) -> KeyNetwork
         return value
 
     layers = [
-        DenseLayer(
-            constant(entry["weight"], 2), constant(entry["bias"], 1), entry["activation"], entry.get("groups", 1)
-        )
+        DenseLayer(constant(entry["weight"], 2), constant(entry["bias"], 1), entry["activation"])
         for entry in manifest["key_layers"]
     ]
     rest = constant(manifest["rest_keys"], 1)

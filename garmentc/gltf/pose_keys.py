@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from garmentc.gltf.accessors import AccessorWriter
-from garmentc.rig import DenseLayer, KeyNetwork
+from garmentc.rig import KeyNetwork
 from garmentc.smpl.skeleton import JOINT_NAMES
 
 EXTENSION = "GARMENTC_mesh_pose_keys"
@@ -30,7 +30,7 @@ def add_extension(writer: AccessorWriter, keys: KeyNetwork, joints: list[int]) -
         {
             "weight": writer.plain(layer.weight.astype(np.float32).reshape(-1), label="a weight of the key network"),
             "bias": writer.plain(layer.bias.astype(np.float32), label="a bias of the key network"),
-            **_activation(layer),
+            "activation": layer.activation,
         }
         for layer in keys.layers
     ]
@@ -49,7 +49,7 @@ def extras_string(keys: KeyNetwork, names: tuple[str, ...] = JOINT_NAMES) -> str
         {
             "inputs": layer.weight.shape[1],
             "outputs": layer.weight.shape[0],
-            **_activation(layer),
+            "activation": layer.activation,
             "weight": _base64(layer.weight),
             "bias": _base64(layer.bias),
         }
@@ -57,10 +57,6 @@ def extras_string(keys: KeyNetwork, names: tuple[str, ...] = JOINT_NAMES) -> str
     ]
     content = {"version": VERSION, "encoding": keys.encoding, "joints": list(names), "layers": layers}
     return json.dumps(content, separators=(",", ":"))
-
-
-def _activation(layer: DenseLayer) -> dict[str, Any]:
-    return {"activation": layer.activation} | ({} if layer.groups == 1 else {"groups": layer.groups})
 
 
 def _base64(array: np.ndarray[Any, Any]) -> str:

@@ -12,7 +12,7 @@ from garmentc.gltf.glb_asset import GlbAsset, PoseKeyNetwork
 from garmentc.gltf.sampling import sample
 from garmentc.gltf.skeletons import SKELETONS, skeleton_of
 from garmentc.gltf.state import State, rest_state, world_matrices
-from garmentc.rig import ENCODING_GRAVITY_JOINTS, ENCODING_WIDTHS, NORMALIZED_RELU_EPSILON, output_groups
+from garmentc.rig import ENCODING_GRAVITY_JOINTS, ENCODING_WIDTHS, NORMALIZED_RELU_EPSILON
 from garmentc.smpl.rotations import axis_angle_to_quaternion, quaternion_to_axis_angle
 from garmentc.smpl.skeleton import JOINT_COUNT, JOINT_NAMES
 
@@ -115,6 +115,5 @@ def evaluate_network(asset: GlbAsset, network: PoseKeyNetwork, state: State) -> 
         if layer.activation != "linear":
             x = np.maximum(x, 0)
         if layer.activation == "normalized_relu":
-            group = output_groups(len(x), layer.groups)
-            x = x / (np.bincount(group, x)[group] + NORMALIZED_RELU_EPSILON)
+            x = x / (x.sum() + NORMALIZED_RELU_EPSILON)
     return x

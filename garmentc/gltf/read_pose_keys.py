@@ -90,7 +90,7 @@ def _network(
         activation = layer.get("activation").text("linear")
         if activation not in ACTIVATIONS:
             raise layer.error(f"has activation {activation}, known are {', '.join(ACTIVATIONS)}", "update garmentc")
-        layers.append(DenseLayer(matrix, bias, activation, layer.get("groups").integer(1, low=1, high=len(bias))))
+        layers.append(DenseLayer(matrix, bias, activation))
     if not layers:
         raise entry.error("has no layers")
     return PoseKeyNetwork(encoding=entry.get("encoding").text(), joints=joints, layers=tuple(layers))

@@ -65,7 +65,7 @@ def _network(asset: GlbAsset, index: int, network: PoseKeyNetwork) -> Iterator[F
 def _same(a: PoseKeyNetwork, b: PoseKeyNetwork) -> bool:
     return (
         (a.encoding, a.joints, len(a.layers)) == (b.encoding, b.joints, len(b.layers))
-        and all((x.activation, x.groups) == (y.activation, y.groups) for x, y in zip(a.layers, b.layers, strict=True))
+        and all(x.activation == y.activation for x, y in zip(a.layers, b.layers, strict=True))
         and all(np.array_equal(x.weight, y.weight) for x, y in zip(a.layers, b.layers, strict=True))
         and all(np.array_equal(x.bias, y.bias) for x, y in zip(a.layers, b.layers, strict=True))
     )

@@ -21,7 +21,6 @@ import torch
 from torch import Tensor, nn
 
 from garmentc.rig import ENCODING_GRAVITY_AXIS_ANGLE, NORMALIZED_RELU_EPSILON
-from garmentc.training.key_groups import MaskedLinear, group_sums, grouped_mlp
 from garmentc.training.pose_encodings import POSE_ENCODINGS
 
 BLEND_SHAPES, VERTICES, NONE = "blend_shapes", "vertices", "none"
@@ -33,9 +32,6 @@ The baseline is no blend-shape model, so it has no rig and no bundle.
 
 KEY_SCALE = 8.0
 """What a key moves is so many times what the heads say: embedded keys sum to 1, so each is small and moves little."""
-
-GROUPED_KEY_SCALE = 8.0
-"""The same for keys in groups, where each group sums to 1."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +45,6 @@ class DeepsdConfig:
     pose_encoding      one of POSE_ENCODINGS; a bundle can only have those of garmentc.rig.ENCODING_WIDTHS
     ignored_joints     whose rotations the keys do not see: what a hand or a foot does says nothing about cloth, but
                        with few motions a network finds coincidences (TailorNet masks joints too)
-    grouped_keys       keys in groups that each see one region of the body, see `garmentc.training.key_groups`
     metadata_width     numbers that describe fabric and fit, see `garmentc.training.metadata`
     """
 
@@ -65,7 +60,6 @@ class DeepsdConfig:
     pose_embedding: bool = True
     pose_encoding: str = ENCODING_GRAVITY_AXIS_ANGLE
     ignored_joints: tuple[int, ...] = ()
-    grouped_keys: bool = False
     metadata_width: int = 0
 
     @property
@@ -74,10 +68,8 @@ class DeepsdConfig:
 
     @property
     def key_scale(self) -> float:
-        """KEY_SCALE for embedded keys, GROUPED_KEY_SCALE where they are grouped; angles are large enough."""
-        if not self.pose_embedding:
-            return 1.0
-        return GROUPED_KEY_SCALE if self.grouped_keys else KEY_SCALE
+        """KEY_SCALE for embedded keys; angles are large enough."""
+        return KEY_SCALE if self.pose_embedding else 1.0
 
     @property
     def pose_code(self) -> int:
@@ -147,8 +139,7 @@ class Deepsd(nn.Module):
         elif config.deformation == VERTICES:
             self.data_head = _mlp((features + config.pose_code, *config.shape_head, 3))
         if config.deformation != NONE and config.pose_embedding:
-            head = grouped_mlp if config.grouped_keys else _mlp
-            self.pose_head = head((config.pose_features, *config.pose_head, config.keys))
+            self.pose_head = _mlp((config.pose_features, *config.pose_head, config.keys))
             self.register_buffer("seen", seen_features(config), persistent=False)
         self._draw_weights()
 
@@ -158,8 +149,6 @@ class Deepsd(nn.Module):
                 nn.init.kaiming_normal_(module.weight)
                 if module.bias is not None:
                     nn.init.zeros_(module.bias)
-            if isinstance(module, MaskedLinear):
-                module.allow_for_mask()
         with torch.no_grad():
             for module in self.modules():
                 if isinstance(module, GraphConvolution):  # the sum of two
@@ -227,12 +216,11 @@ class Deepsd(nn.Module):
         return self.config.key_scale * torch.stack(parts).sum(dim=0).reshape(len(descriptors.local), -1, 3)
 
     def absolute_keys(self, features: Tensor) -> Tensor:
-        """g: encoded poses (T, pose_features) to keys (T, P), positive numbers; each row, or group in it, sums to 1."""
+        """g: encoded poses (T, pose_features) to keys (T, P), each row of positive numbers that sum to 1."""
         if not self.config.pose_embedding:
             return features
         keys = torch.relu(self.pose_head(features * self.seen))
-        total = group_sums(keys) if self.config.grouped_keys else keys.sum(dim=1, keepdim=True)
-        return keys / (total + NORMALIZED_RELU_EPSILON)
+        return keys / (keys.sum(dim=1, keepdim=True) + NORMALIZED_RELU_EPSILON)
 
     def pose_keys(self, features: Tensor) -> Tensor:
         """f(θ) = g(θ) − g(rest): zero at rest. (T, pose_features) to (T, P)."""

@@ -6,7 +6,7 @@ them to work in pieces) and the same weights give the same bytes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,6 @@ from garmentc.key_graph import key_graph
 from garmentc.rig import ENCODING_WIDTHS, DenseLayer, KeyNetwork
 from garmentc.training.deepsd_network import NONE, Deepsd, DeepsdConfig
 from garmentc.training.deepsd_network import VERTICES as VERTICES_DIRECTLY
-from garmentc.training.key_groups import KEY_GROUPS, linear_weight
 
 OPSET = 18
 IR_VERSION = 9
@@ -188,14 +187,15 @@ def key_network(network: Deepsd) -> KeyNetwork:
         return KeyNetwork((_dense(np.eye(width), np.zeros(width)),), encoding)
     layers = [layer for layer in network.pose_head if isinstance(layer, torch.nn.Linear)]
     kinds = ["relu"] * (len(layers) - 1) + ["normalized_relu"]
-    weights = [linear_weight(layer).detach().numpy() for layer in layers]
+    weights = [layer.weight.detach().numpy() for layer in layers]
     weights[0] = weights[0] * network.seen.numpy()
-    *hidden, last = (
-        _dense(weight, layer.bias.detach().numpy(), kind)
-        for weight, layer, kind in zip(weights, layers, kinds, strict=True)
+    return KeyNetwork(
+        tuple(
+            _dense(weight, layer.bias.detach().numpy(), kind)
+            for weight, layer, kind in zip(weights, layers, kinds, strict=True)
+        ),
+        encoding,
     )
-    groups = len(KEY_GROUPS) if config.grouped_keys else 1
-    return KeyNetwork((*hidden, replace(last, groups=groups)), encoding)
 
 
 def _dense(weight: NDArray[Any], bias: NDArray[Any], activation: str = "linear") -> DenseLayer:

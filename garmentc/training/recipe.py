@@ -12,7 +12,6 @@ from typing import Any
 from garmentc.errors import GarmentcError
 from garmentc.schema import check_schema
 from garmentc.training.deepsd_network import BLEND_SHAPES, DeepsdConfig
-from garmentc.training.key_groups import KEY_GROUPS
 from garmentc.training.metadata import metadata_width
 
 CONFIGS = Path(__file__).with_name("configs")
@@ -140,12 +139,6 @@ def read_recipe(path: Path) -> Recipe:
     if recipe.physics is not None and recipe.network.deformation != BLEND_SHAPES:
         raise GarmentcError(
             f"physics needs blend shapes, not deformation = '{recipe.network.deformation}'; leave [physics] out", path
-        )
-    narrowest = min(*recipe.network.pose_head, recipe.network.keys, len(KEY_GROUPS))
-    if recipe.network.grouped_keys and narrowest < len(KEY_GROUPS):
-        raise GarmentcError(
-            f"grouped_keys makes {len(KEY_GROUPS)} groups; 'keys' and the widths in 'pose_head' must be that or more",
-            path,
         )
     return recipe
 

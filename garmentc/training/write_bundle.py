@@ -60,7 +60,6 @@ def write_bundle(
         "keys": len(layers[-1].bias),
         "key_layers": [
             {"weight": weight, "bias": bias, "activation": layer.activation}
-            | ({} if layer.groups == 1 else {"groups": layer.groups})
             for (weight, bias), layer in zip(map(layer_constants, range(len(layers))), layers, strict=True)
         ],
         "rest_keys": REST_KEYS,

@@ -37,7 +37,6 @@ ABLATIONS = (
     Ablation("keys_64", "64 keys"),
     Ablation("encoding_axis_angle", "pose as 24 axis-angles with heading, as in the paper"),
     Ablation("encoding_gravity_joints", "pose as axis-angles, and gravity in the frame of every joint"),
-    Ablation("grouped_keys", "keys in seven groups, each of which sees a part of the body"),
     Ablation("encoding_gravity_6d", "pose as 6 numbers a joint and gravity"),
     Ablation("encoding_gravity_matrix", "pose as rotation matrices and gravity"),
     Ablation("squared_loss", "the squared distance as loss, as in the paper"),

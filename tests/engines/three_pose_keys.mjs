@@ -28,14 +28,13 @@ function gravity(joint) {
 function poseKeys({encoding}, layers, joints) {
   const felt = encoding === 'gravity_joints' ? gravity : () => [];
   let x = [...gravity(joints[0]), ...joints.slice(1).flatMap(j => [...felt(j), ...axisAngle(j.quaternion)])];
-  for (const {weight, bias, activation, groups = 1} of layers) {
+  for (const {weight, bias, activation} of layers) {
     const inputs = x;
     x = Array.from(bias, (b, o) => inputs.reduce((sum, value, i) => sum + weight[o * inputs.length + i] * value, b));
     if (activation !== 'linear') x = x.map(value => Math.max(value, 0));
     if (activation === 'normalized_relu') {
-      const group = x.map((_, i) => Math.floor(i * groups / x.length)), sums = Array(groups).fill(1e-6);
-      x.forEach((value, i) => { sums[group[i]] += value; });
-      x = x.map((value, i) => value / sums[group[i]]);
+      const sum = x.reduce((a, b) => a + b, 1e-6);
+      x = x.map(value => value / sum);
     }
   }
   return x;

@@ -1,4 +1,4 @@
-"""Pose keys in groups, and gravity in every joint: what a key sees, and the way from training to a .glb."""
+"""Gravity in every joint: in mirrored poses, and on the way from training to a .glb."""
 
 from __future__ import annotations
 
@@ -17,16 +17,15 @@ from garmentc.gltf.read import read_glb
 from garmentc.gltf.validate import validate_glb
 from garmentc.gltf.write import write_glb
 from garmentc.pipeline import compile_outfit
-from garmentc.rig import ENCODING_GRAVITY_JOINTS, ENCODING_WIDTHS, encode_pose
+from garmentc.rig import ENCODING_GRAVITY_JOINTS, encode_pose
 from garmentc.smpl.pose_sampler import sample_poses
-from garmentc.smpl.skeleton import JOINT_NAMES, MIRROR
+from garmentc.smpl.skeleton import MIRROR
 
 torch = pytest.importorskip("torch")
 
 from garmentc.training.bundle_record import export_all  # noqa: E402
 from garmentc.training.checkpoint import DataFacts, read_checkpoint  # noqa: E402
 from garmentc.training.deepsd_network import Deepsd, DeepsdConfig  # noqa: E402
-from garmentc.training.key_groups import KEY_GROUPS  # noqa: E402
 from garmentc.training.mirroring import mirrored_poses  # noqa: E402
 from garmentc.training.recipe import DataStage, PhysicsStage, Recipe  # noqa: E402
 from garmentc.training.simulated_outfits import read_outfits  # noqa: E402
@@ -36,11 +35,10 @@ from garmentc.training.write_bundle import write_bundle  # noqa: E402
 IGNORED = (7, 10, 15)
 
 
-def made(encoding: str) -> Deepsd:
+def made() -> Deepsd:
     torch.manual_seed(2)
-    widths = {**SMALL_NETWORK, "pose_head": (90, 80), "keys": 39}  # that no number of groups divides
-    config = DeepsdConfig(**widths, pose_encoding=encoding, grouped_keys=True, ignored_joints=IGNORED)  # type: ignore[arg-type]
-    network = Deepsd(config)
+    widths = {**SMALL_NETWORK, "pose_head": (90, 80), "keys": 39}
+    network = Deepsd(DeepsdConfig(**widths, pose_encoding=ENCODING_GRAVITY_JOINTS, ignored_joints=IGNORED))  # type: ignore[arg-type]
     with torch.no_grad():
         for parameter in network.parameters():
             parameter.add_(0.1 * torch.randn_like(parameter))
@@ -55,65 +53,15 @@ def gown(path: Path) -> Path:
     return path
 
 
-def group_of_keys(count: int) -> list[str]:
-    return [list(KEY_GROUPS)[key * len(KEY_GROUPS) // count] for key in range(count)]
-
-
-def test_the_mirror_image_of_a_group_is_a_group() -> None:
-    sets = {frozenset(map(JOINT_NAMES.index, names)) for names in KEY_GROUPS.values()}
-    assert len(sets) == len(KEY_GROUPS)
-    assert {frozenset(int(MIRROR[joint]) for joint in joints) for joints in sets} == sets
-
-
-@pytest.mark.parametrize("encoding", ENCODING_WIDTHS)
-def test_a_key_sees_gravity_and_the_joints_of_its_group_alone(encoding: str) -> None:
-    """Which numbers of the encoded pose have a gradient."""
-    network = made(encoding)
-    features = torch.randn(50, ENCODING_WIDTHS[encoding], requires_grad=True)
-    keys = network.absolute_keys(features)
-    groups = np.array(group_of_keys(keys.shape[1]))
-    for group, joints in KEY_GROUPS.items():
-        mixed = keys[:, groups == group] @ torch.randn(int((groups == group).sum()))  # their sum does not change
-        [gradient] = torch.autograd.grad(mixed.sum(), features, retain_graph=True)
-        seen = gradient.abs().sum(dim=0) > 0
-        assert seen[:3].all()
-        by_joint = seen[3:].reshape(23, -1)
-        assert (by_joint.all(dim=1) == by_joint.any(dim=1)).all()
-        names = {name for name, is_seen in zip(JOINT_NAMES[1:], by_joint.any(dim=1), strict=True) if is_seen}
-        assert names == set(joints) - {JOINT_NAMES[joint] for joint in IGNORED}
-
-
-@pytest.mark.parametrize("encoding", ENCODING_WIDTHS)
-def test_each_group_sums_to_one(encoding: str) -> None:
-    keys = made(encoding).absolute_keys(torch.randn(50, ENCODING_WIDTHS[encoding])).detach().numpy()
-    groups = np.array(group_of_keys(keys.shape[1]))
-    for name in KEY_GROUPS:
-        sums = keys[:, groups == name].sum(axis=1)
-        assert (np.isclose(sums, 1, atol=1e-4) | (sums == 0)).all()
-        assert np.isclose(sums, 1, atol=1e-4).mean() > 0.3
-
-
-def test_no_key_starts_smaller_for_its_mask() -> None:
-    """Hidden numbers have the spread that He et al. give them, however few inputs they have left."""
-    torch.manual_seed(0)
-    head = Deepsd(DeepsdConfig(grouped_keys=True)).pose_head
-    x = torch.randn(400, 72)
-    for layer in head:
-        x = layer(x)
-        if isinstance(layer, torch.nn.Linear):
-            assert 1.0 < x.std() < 1.9  # the square root of 2
-
-
-@pytest.mark.parametrize("encoding", ENCODING_WIDTHS)
-def test_torch_bundle_graph_and_glb_agree(encoding: str, tmp_path: Path) -> None:
-    network = made(encoding)
+def test_torch_bundle_graph_and_glb_agree(tmp_path: Path) -> None:
+    network = made()
     write_bundle(network, tmp_path / "bundle", version="0", description="test", training={})
     bundle = load_bundle(tmp_path / "bundle")
     poses = sample_poses(30, seed=6)
     poses[:, 0] = np.random.default_rng(0).normal(size=(30, 3))
     poses[0], poses[1, 4] = 0, [0, 4.0, 0]
     with torch.no_grad():
-        features = torch.from_numpy(encode_pose(poses, encoding)).float()
+        features = torch.from_numpy(encode_pose(poses, ENCODING_GRAVITY_JOINTS)).float()
         expected = network.pose_keys(features).numpy()
     assert np.abs(expected).max() > 0.05
     np.testing.assert_allclose(bundle.network(poses), expected, atol=5e-6)
@@ -138,9 +86,9 @@ def test_gravity_in_joints_is_mirrored_as_poses_are() -> None:
     np.testing.assert_allclose(other[:, 3:].reshape(5, 23, 6), sides, atol=1e-12)
 
 
-def test_a_run_with_both_is_trained_exported_and_compiled_with(tmp_path: Path) -> None:
+def test_a_run_is_trained_exported_and_compiled_with(tmp_path: Path) -> None:
     outfits = read_outfits(swinging_patches(tmp_path / "data", outfits=2), "train")
-    network = DeepsdConfig(**SMALL_NETWORK, pose_encoding=ENCODING_GRAVITY_JOINTS, grouped_keys=True)  # type: ignore[arg-type]
+    network = DeepsdConfig(**SMALL_NETWORK, pose_encoding=ENCODING_GRAVITY_JOINTS)  # type: ignore[arg-type]
     recipe = Recipe(
         data=DataStage(8, outfits_per_step=(1,), poses=6, vertices=20),
         physics=PhysicsStage(2, outfits_per_step=(1,), poses=2, bodies=2, random_bodies=1),
@@ -157,4 +105,3 @@ def test_a_run_with_both_is_trained_exported_and_compiled_with(tmp_path: Path) -
     network_read = read_glb(tmp_path / "a.glb").meshes[0].pose_keys
     assert network_read is not None
     assert network_read.encoding == ENCODING_GRAVITY_JOINTS
-    assert len(KEY_GROUPS) in [layer.groups for layer in network_read.layers]
