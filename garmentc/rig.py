@@ -23,7 +23,8 @@ ENCODING_GRAVITY_AXIS_ANGLE = "gravity_axis_angle"
 The root's heading does not appear: turning the whole body about the vertical changes nothing.
 """
 
-ACTIVATIONS = ("linear", "relu", "normalized_relu")
+ACTIVATIONS = ("linear", "relu", "normalized_relu", "nonnegative")
+"""`nonnegative` is x - min(x), for blend shapes that sum to nothing: a common amount of all of them changes nothing."""
 
 NORMALIZED_RELU_EPSILON = 1e-6
 """`normalized_relu` is max(x, 0) / (sum(max(x, 0)) + epsilon): the paper's key normalisation, never 0 / 0."""
@@ -53,10 +54,12 @@ class DenseLayer:
 
     def __call__(self, x: NDArray[Any]) -> NDArray[Any]:
         y: NDArray[Any] = x @ self.weight.T.astype(x.dtype) + self.bias.astype(x.dtype)
-        if self.activation != "linear":
+        if self.activation in ("relu", "normalized_relu"):
             y = np.maximum(y, 0)
         if self.activation == "normalized_relu":
             y = y / (y.sum(axis=-1, keepdims=True) + NORMALIZED_RELU_EPSILON)
+        if self.activation == "nonnegative":
+            y = y - y.min(axis=-1, keepdims=True)
         return y
 
 
@@ -107,6 +110,11 @@ class Rig:
     @property
     def morph_count(self) -> int:
         return len(self.blend_shapes)
+
+    @property
+    def balanced(self) -> bool:
+        """Whether the blend shapes sum to nothing, so that a common amount of all of them changes nothing."""
+        return self.keys is not None and self.keys.layers[-1].activation == "nonnegative"
 
     def pose_keys(self, poses: NDArray[Any]) -> NDArray[Any]:
         """Keys (..., M) of poses (..., 24, 3)."""

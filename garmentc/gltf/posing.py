@@ -109,8 +109,10 @@ def evaluate_network(asset: GlbAsset, network: PoseKeyNetwork, state: State) -> 
         raise GarmentcError(f"has pose keys that take {network.layers[0].weight.shape[1]} inputs, not 72", asset.path)
     for layer in network.layers:
         x = layer.weight.astype(np.float64) @ x + layer.bias
-        if layer.activation != "linear":
+        if layer.activation in ("relu", "normalized_relu"):
             x = np.maximum(x, 0)
         if layer.activation == "normalized_relu":
             x = x / (x.sum() + NORMALIZED_RELU_EPSILON)
+        if layer.activation == "nonnegative":
+            x = x - x.min()
     return x
