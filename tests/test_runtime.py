@@ -102,9 +102,11 @@ def in_doubles(graph: bytes) -> bytes:
     return model.SerializeToString()
 
 
-def test_equals_onnxruntime(poses: np.ndarray, tmp_path: Path) -> None:
+@pytest.mark.parametrize("activation", ["linear", "nonnegative"])
+def test_equals_onnxruntime(poses: np.ndarray, tmp_path: Path, activation: str) -> None:
     network = make_rig(morphs=11).keys
     assert network is not None
+    network = KeyNetwork((*network.layers[:-1], replace(network.layers[-1], activation=activation)))
     found = evaluated(extras_string(network), poses, tmp_path)
     np.testing.assert_allclose(found, by_onnxruntime(key_graph(network), poses), atol=PRECISION, rtol=0)
 
