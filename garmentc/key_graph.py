@@ -44,7 +44,7 @@ def key_graph(network: KeyNetwork, rest_keys: NDArray[Any] | None = None) -> byt
         values = (layer.weight, layer.bias)
         weight, bias = map(graph.constant, layer_constants(index), values)
         x = graph.add("Gemm", [x, weight, bias], name, transB=1)
-        if layer.activation != "linear":
+        if layer.activation in ("relu", "normalized_relu"):
             x = graph.add("Relu", [x], f"{name}.relu")
         if layer.activation == "normalized_relu":
             total = graph.add("ReduceSum", [x, "last_axis"], f"{name}.sum", keepdims=1)
@@ -52,6 +52,9 @@ def key_graph(network: KeyNetwork, rest_keys: NDArray[Any] | None = None) -> byt
                 "Add", [total, graph.constant(f"{name}.epsilon", [NORMALIZED_RELU_EPSILON])], f"{name}.floor"
             )
             x = graph.add("Div", [x, floor], f"{name}.normalized")
+        if layer.activation == "nonnegative":
+            least = graph.add("ReduceMin", [x, "last_axis"], f"{name}.least", keepdims=1)
+            x = graph.add("Sub", [x, least], f"{name}.nonnegative")
     if rest_keys is None:
         graph.add("Identity", [x], "keys")
     else:

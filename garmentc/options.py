@@ -40,7 +40,7 @@ class Profile:
     """Pass settings with a name.
 
     influences  joints that may move a vertex: 4 or 8
-    morphs      blend shapes kept; None keeps all
+    morphs      blend shapes written, of which one balances the others where there are several; None keeps all
     quantize    integer vertex attributes instead of float32
     sparse      store a morph target's zeros implicitly where that is smaller; of quantized files only those that are
                 compressed (meshopt), unless a compile asks for it

@@ -30,6 +30,7 @@ from garmentc.output import check_outputs
 from garmentc.passes.follow_skin import FollowSkin, follow_skin
 from garmentc.passes.limit_influences import LimitInfluences, limit_influences
 from garmentc.passes.morph_normals import MorphNormals, morph_normals
+from garmentc.passes.nonnegative_weights import NonnegativeWeights, nonnegative_weights
 from garmentc.passes.pose_set import PoseSet, plausible_poses
 from garmentc.passes.prune_morphs import PruneMorphs, prune_morphs
 from garmentc.passes.quantize import Quantize, quantize
@@ -177,7 +178,10 @@ Pass = Callable[[Rig, PoseSet], tuple[Rig, PassReport]]
 def passes(options: CompileOptions, body: BodyModel, betas: NDArray[Any] | None) -> tuple[Pass, ...]:
     """The passes, in the order in which they run."""
     settings = options.settings
-    reduction = ReduceBlendShapes(None if options.morph_tolerance else settings.morphs, options.morph_tolerance)
+    # One blend shape is no choice: it keeps its weights of both signs. All of them stay as the network has them.
+    balanced = options.morph_tolerance is not None or (settings.morphs or 0) > 1
+    count = settings.morphs - 1 if balanced and settings.morphs else settings.morphs
+    reduction = ReduceBlendShapes(None if options.morph_tolerance else count, options.morph_tolerance)
     invisible = PruneMorphs() if settings.sparse == "auto" else PruneMorphs(threshold=0)
     steps: list[Pass] = [
         lambda rig, poses: follow_skin(rig, FollowSkin(), poses, body, betas),
@@ -190,6 +194,9 @@ def passes(options: CompileOptions, body: BodyModel, betas: NDArray[Any] | None)
         # Follow from the final shapes.
         lambda rig, poses: morph_normals(rig, MorphNormals(), poses),
     ]
+    if balanced:
+        # Turns finished shapes and normals into others, exactly.
+        steps.append(lambda rig, poses: nonnegative_weights(rig, NonnegativeWeights(), poses))
     if settings.quantize:
         # Only measures: the back end rounds, once.
         rounding = Quantize(settings.influences, compress=options.meshopt)

@@ -34,7 +34,8 @@ ENCODING_WIDTHS = {
 }
 """How many numbers a network of each encoding sees: the encodings that rigs, bundles and glTF files can have."""
 
-ACTIVATIONS = ("linear", "relu", "normalized_relu")
+ACTIVATIONS = ("linear", "relu", "normalized_relu", "nonnegative")
+"""`nonnegative` is x - min(x), for blend shapes that sum to nothing: a common amount of all of them changes nothing."""
 
 NORMALIZED_RELU_EPSILON = 1e-6
 """`normalized_relu` is max(x, 0) / (sum(max(x, 0)) + epsilon): the paper's key normalisation, never 0 / 0."""
@@ -86,10 +87,12 @@ class DenseLayer:
 
     def __call__(self, x: NDArray[Any]) -> NDArray[Any]:
         y: NDArray[Any] = x @ self.weight.T.astype(x.dtype) + self.bias.astype(x.dtype)
-        if self.activation != "linear":
+        if self.activation in ("relu", "normalized_relu"):
             y = np.maximum(y, 0)
         if self.activation == "normalized_relu":
             y = y / (y.sum(axis=-1, keepdims=True) + NORMALIZED_RELU_EPSILON)
+        if self.activation == "nonnegative":
+            y = y - y.min(axis=-1, keepdims=True)
         return y
 
 
@@ -140,6 +143,11 @@ class Rig:
     @property
     def morph_count(self) -> int:
         return len(self.blend_shapes)
+
+    @property
+    def balanced(self) -> bool:
+        """Whether the blend shapes sum to nothing, so that a common amount of all of them changes nothing."""
+        return self.keys is not None and self.keys.layers[-1].activation == "nonnegative"
 
     def pose_keys(self, poses: NDArray[Any]) -> NDArray[Any]:
         """Keys (..., M) of poses (..., 24, 3)."""

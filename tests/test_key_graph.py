@@ -11,15 +11,15 @@ from garmentc.rig import DenseLayer, KeyNetwork
 from garmentc.smpl.pose_sampler import sample_poses
 
 
-@pytest.fixture
-def network() -> KeyNetwork:
+@pytest.fixture(params=["linear", "nonnegative"])
+def network(request: pytest.FixtureRequest) -> KeyNetwork:
     rng = np.random.default_rng(0)
 
     def layer(inputs: int, outputs: int, activation: str) -> DenseLayer:
         weight = rng.normal(scale=inputs**-0.5, size=(outputs, inputs))
         return DenseLayer(weight.astype(np.float32), rng.normal(size=outputs).astype(np.float32), activation)
 
-    return KeyNetwork((layer(72, 40, "relu"), layer(40, 30, "normalized_relu"), layer(30, 8, "linear")))
+    return KeyNetwork((layer(72, 40, "relu"), layer(40, 30, "normalized_relu"), layer(30, 8, request.param)))
 
 
 def run(network: KeyNetwork, poses: np.ndarray) -> np.ndarray:

@@ -59,10 +59,12 @@ def in_words_of_the_document(network: dict[str, Any], pose: np.ndarray) -> np.nd
     for layer in network["layers"]:
         weight = np.frombuffer(base64.b64decode(layer["weight"]), "<f4").reshape(layer["outputs"], layer["inputs"])
         x = weight.astype(float) @ x + np.frombuffer(base64.b64decode(layer["bias"]), "<f4")
-        if layer["activation"] != "linear":
+        if layer["activation"] in ("relu", "normalized_relu"):
             x = np.maximum(x, 0)
         if layer["activation"] == "normalized_relu":
             x = x / (x.sum() + 1e-6)
+        if layer["activation"] == "nonnegative":
+            x = x - min(x)
     return x
 
 

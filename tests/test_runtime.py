@@ -102,9 +102,11 @@ def in_doubles(graph: bytes) -> bytes:
     return model.SerializeToString()
 
 
+@pytest.mark.parametrize("activation", ["linear", "nonnegative"])
 @pytest.mark.parametrize("encoding", ENCODING_WIDTHS)
-def test_equals_onnxruntime(encoding: str, poses: np.ndarray, tmp_path: Path) -> None:
+def test_equals_onnxruntime(encoding: str, activation: str, poses: np.ndarray, tmp_path: Path) -> None:
     network = make_keys(11, np.random.default_rng(7), encoding)
+    network = KeyNetwork((*network.layers[:-1], replace(network.layers[-1], activation=activation)), encoding)
     found = evaluated(extras_string(network), poses, tmp_path)
     np.testing.assert_allclose(found, by_onnxruntime(key_graph(network), poses), atol=PRECISION, rtol=0)
     np.testing.assert_allclose(found, network(poses), atol=1e-12, rtol=0)

@@ -9,7 +9,7 @@ export const NAME = 'GARMENTC_mesh_pose_keys';
 const VERSION = 1, JOINTS = 24;
 const INPUTS = new Map([['gravity_axis_angle', 3 * JOINTS], ['gravity_joints', 6 * JOINTS - 3]]); // by encoding
 const PARENTS = [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21]; // SMPL's tree
-const ACTIVATIONS = ['linear', 'relu', 'normalized_relu'];
+const ACTIVATIONS = ['linear', 'relu', 'normalized_relu', 'nonnegative'];
 const EPSILON = 1e-6; // of normalized_relu: never 0 / 0
 
 /** kernel.wat, assembled (WebAssembly in base64): JavaScript has no SIMD and takes almost three times as long. */
@@ -159,6 +159,12 @@ export class PoseKeys {
     doubles.set(bias, y);
     if (count) this.kernel.accumulate(output, output + 8 * rows, used.columns, used.values, count);
     if (activation === 'linear') return;
+    if (activation === 'nonnegative') {
+      let least = Infinity;
+      for (let i = y; i < y + outputs; i++) least = Math.min(least, doubles[i]);
+      for (let i = y; i < y + outputs; i++) doubles[i] -= least;
+      return;
+    }
     let sum = EPSILON;
     for (let i = y; i < y + outputs; i++) sum += doubles[i] = Math.max(doubles[i], 0);
     if (activation === 'relu') return;

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,5 +44,28 @@ def morph_sizes(asset: GlbAsset, mesh_node: int) -> NDArray[np.float64]:
     sizes = np.zeros(asset.meshes[mesh].morph_count)
     for primitive in asset.meshes[mesh].primitives:
         for morph, deltas in enumerate(primitive.morph_positions):
-            sizes[morph] = max(sizes[morph], float(np.linalg.norm(deltas @ linear.T, axis=1).max()))
+            sizes[morph] = max(sizes[morph], _largest_row(deltas @ linear.T))
     return sizes
+
+
+def moved_at_most(asset: GlbAsset, mesh_node: int, weights: NDArray[Any]) -> NDArray[np.float64]:
+    """(T,) metres that morph weights (T, M) move any vertex at rest, or more.
+
+    The sum of what each target moves, or that of what each differs from the mean, and the mean of all together, which
+    is next to nothing where targets sum to nothing: whichever is less.
+    """
+    mesh = asset.nodes[mesh_node].mesh
+    sizes = morph_sizes(asset, mesh_node)
+    if mesh is None or not len(sizes):
+        return np.zeros(len(weights))
+    linear = rest_joint_matrices(asset, mesh_node)[0, :3, :3]
+    primitives = asset.meshes[mesh].primitives
+    together = max(_largest_row(part.morph_positions.sum(axis=0, dtype=np.float64) @ linear.T) for part in primitives)
+    mean = weights.mean(axis=1)
+    apart = np.abs(weights - mean[:, None]) @ sizes + np.abs(mean) * together
+    least: NDArray[np.float64] = np.minimum(np.abs(weights) @ sizes, apart)
+    return least
+
+
+def _largest_row(rows: NDArray[Any]) -> float:
+    return float(np.linalg.norm(rows, axis=1).max())

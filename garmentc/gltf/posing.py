@@ -112,8 +112,10 @@ def evaluate_network(asset: GlbAsset, network: PoseKeyNetwork, state: State) -> 
         raise GarmentcError(f"has pose keys that take {inputs} inputs, not {len(x)}", asset.path)
     for layer in network.layers:
         x = layer.weight.astype(np.float64) @ x + layer.bias
-        if layer.activation != "linear":
+        if layer.activation in ("relu", "normalized_relu"):
             x = np.maximum(x, 0)
         if layer.activation == "normalized_relu":
             x = x / (x.sum() + NORMALIZED_RELU_EPSILON)
+        if layer.activation == "nonnegative":
+            x = x - x.min()
     return x

@@ -88,8 +88,9 @@ def _add_target(
     fractions = quantize and codec.normalized
     target = Attributes(POSITION=add(moved, normalized=fractions, bounds=True, label=f"blend shape {morph}"))
     if rig.blend_normals is not None:
-        turned = _normals(rig.blend_normals[morph][corners.vertices], quantize)
-        target.NORMAL = add(turned, normalized=quantize, label=f"the normals of blend shape {morph}")
+        turned = _normal_deltas(rig.blend_normals[morph][corners.vertices], quantize)
+        fractions = turned.dtype == np.int8
+        target.NORMAL = add(turned, normalized=fractions, label=f"the normals of blend shape {morph}")
     return target
 
 
@@ -98,6 +99,13 @@ def _normals(normals: NDArray[Any], quantize: bool) -> NDArray[Any]:
     if not quantize:
         return normals.astype(np.float32, copy=False)
     return np.clip(np.round(normals * 127), -127, 127).astype(np.int8)
+
+
+def _normal_deltas(deltas: NDArray[Any], quantize: bool) -> NDArray[Any]:
+    """As `_normals`; beyond 1, where fractions end, float32 in steps of 1/128, whose bytes compress well."""
+    if quantize and np.abs(deltas).max() > 1:
+        return (np.round(deltas * 128) / 128).astype(np.float32)
+    return _normals(deltas, quantize)
 
 
 def _texcoords(texcoords: NDArray[Any], quantize: bool) -> NDArray[Any]:

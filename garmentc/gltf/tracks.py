@@ -47,9 +47,10 @@ def clip_tracks(clip: Clip, rigs: Sequence[Rig], root: NDArray[Any], tolerance: 
     """
     tracks = []
     weights = clip_keys(clip, rigs)
+    moving = [_own(keys) if rig.balanced else keys for rig, keys in zip(rigs, weights, strict=True)]
     sizes = [np.array([largest_row(shape) for shape in rig.blend_shapes]) for rig in rigs]
     quaternions = continuous(axis_angle_to_quaternion(clip.motion.poses.astype(np.float64)))
-    swells = [float((np.abs(keys) @ size).max()) for keys, size in zip(weights, sizes, strict=True)]
+    swells = [float((np.abs(keys) @ size).max()) for keys, size in zip(moving, sizes, strict=True)]
     reach = np.max([joint_reach(rig, swell) for rig, swell in zip(rigs, swells, strict=True)], axis=0)
     for joint in range(JOINT_COUNT):
         rotation = quaternions[:, joint]
@@ -60,9 +61,9 @@ def clip_tracks(clip: Clip, rigs: Sequence[Rig], root: NDArray[Any], tolerance: 
     if np.any(translation != 0):
         frames = kept_frames(translation, lerp, _distance, tolerance)
         tracks.append(Track("translation", 0, frames, (root + translation[frames]).astype(np.float32)))
-    for mesh, (keys, size) in enumerate(zip(weights, sizes, strict=True)):
-        if np.any(np.abs(keys) @ size > _AT_REST):
-            frames = kept_frames(keys, lerp, partial(_moved, size), tolerance)
+    for mesh, (keys, own, size) in enumerate(zip(weights, moving, sizes, strict=True)):
+        if np.any(np.abs(own) @ size > _AT_REST):
+            frames = kept_frames(own, lerp, partial(_moved, size), tolerance)
             tracks.append(Track("weights", None, frames, keys[frames].astype(np.float32), mesh))
     return tuple(tracks)
 
@@ -73,6 +74,12 @@ def clip_keys(clip: Clip, rigs: Sequence[Rig]) -> tuple[NDArray[Any], ...]:
     return tuple(
         rig.pose_keys(poses) if clip.keys is None or mesh else np.asarray(clip.keys) for mesh, rig in enumerate(rigs)
     )
+
+
+def _own(keys: NDArray[Any]) -> NDArray[Any]:
+    """Keys (T, M) less what all of a frame have in common, which moves nothing where the blend shapes are balanced."""
+    own: NDArray[Any] = keys - keys.mean(axis=-1, keepdims=True)
+    return own
 
 
 def _moved(sizes: NDArray[Any], a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from garmentc.errors import GarmentcError
-from garmentc.gltf.bind import morph_sizes
+from garmentc.gltf.bind import moved_at_most
 from garmentc.gltf.finding import Finding, error, warning
 from garmentc.gltf.glb_asset import Channel, GlbAsset
 from garmentc.gltf.posing import evaluate_network, pose_key_network, state_at_time
@@ -47,20 +47,21 @@ def _baked_keys(asset: GlbAsset, animation: int, channel: Channel, where: str) -
     network = pose_key_network(asset, channel.node)
     if network is None or len(network.layers[-1].bias) != channel.values.shape[1]:
         return
-    sizes = morph_sizes(asset, channel.node)
-    worst, worst_time = 0.0, 0.0
+    times, apart = [], []
     chosen = np.unique(np.linspace(0, len(channel.times) - 1, _TIMES_CHECKED).astype(int))
-    for time in channel.times[chosen]:
-        state = state_at_time(asset, float(time), animation)
+    for time in map(float, channel.times[chosen]):
+        state = state_at_time(asset, time, animation)
         try:
             keys = evaluate_network(asset, network, state)
         except GarmentcError:
             return  # the network itself has a finding
-        moved = float(np.abs(keys - state.weights[channel.node]) @ sizes)
-        if moved > worst:
-            worst, worst_time = moved, float(time)
-    if worst > _KEY_TOLERANCE:
+        times.append(time)
+        apart.append(keys - state.weights[channel.node])
+    moved = moved_at_most(asset, channel.node, np.array(apart))
+    worst = int(moved.argmax())
+    if moved[worst] > _KEY_TOLERANCE:
         message = (
-            f"the weights at {worst_time:.3f} s move vertices by up to {worst * 1000:.3g} mm against the network's"
+            f"the weights at {times[worst]:.3f} s move vertices by up to {moved[worst] * 1000:.3g} mm"
+            " against the network's"
         )
         yield warning("baked-keys", where, message)

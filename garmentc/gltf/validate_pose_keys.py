@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from garmentc.errors import GarmentcError
-from garmentc.gltf.bind import morph_sizes
+from garmentc.gltf.bind import moved_at_most
 from garmentc.gltf.finding import Finding, error, warning
 from garmentc.gltf.glb_asset import GlbAsset, PoseKeyNetwork
 from garmentc.gltf.pose_keys import EXTENSION
@@ -55,7 +55,7 @@ def _network(asset: GlbAsset, index: int, network: PoseKeyNetwork) -> Iterator[F
     except GarmentcError as failure:
         yield error("pose-key-encoding", where, failure.message)
         return
-    moved = float(np.abs(keys) @ morph_sizes(asset, index))
+    [moved] = moved_at_most(asset, index, keys[None])
     if moved > _REST_TOLERANCE:
         yield error(
             "pose-key-rest", where, f"the network moves vertices by up to {moved * 1000:.3g} mm in the rest pose"

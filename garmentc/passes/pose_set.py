@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.smpl.pose_sampler import sample_poses
+from garmentc.smpl.skeleton import JOINT_COUNT
 
 FIT_COUNT = 1024
 CHECK_COUNT = 48
@@ -21,10 +22,12 @@ class PoseSet:
 
     fit    (P, 24, 3) what a pass may adapt itself to
     check  (Q, 24, 3) what its error is measured on: none of them is in `fit`
+    baked  (T, 24, 3) all frames of the animations
     """
 
     fit: NDArray[Any]
     check: NDArray[Any]
+    baked: NDArray[Any] = field(default_factory=lambda: np.zeros((0, JOINT_COUNT, 3)))
 
     def some(self, count: int) -> NDArray[np.float64]:
         """At most `count` of the poses to fit, spread over them."""
@@ -43,6 +46,7 @@ def plausible_poses(motion: NDArray[Any] | None = None, fit: int = FIT_COUNT, ch
     return PoseSet(
         np.concatenate([poses.fit, motion[_spread(len(motion), fit // 4, 0.25)]]),
         np.concatenate([poses.check, motion[_spread(len(motion), check // 4, 0.75)]]),
+        motion,
     )
 
 

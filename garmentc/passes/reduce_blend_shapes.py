@@ -55,7 +55,7 @@ def reduce_blend_shapes(rig: Rig, options: ReduceBlendShapes, poses: PoseSet) ->
 
     f' is folded into the key network's last linear layer. Shapes come in order of the movement they explain. Each is
     scaled so that 1 is the key's reach (see `key_reach`), and signed so that its key is positive on average: a slider
-    from 0 to 1 shows what it typically does.
+    from 0 to 1 shows what it typically does, and little is left for `nonnegative_weights` to do.
     Where nothing is to be removed, shapes stay as they are.
     """
     if options.count is None and options.tolerance is None:

@@ -85,7 +85,7 @@ WARDROBE = Preset(  # many outfits in short motions: what a network needs to kno
 
 WARDROBE_2 = Preset(  # still shorter, and more of what hangs free, where most of the error is
     "wardrobe-v2",
-    outfits=300,
+    outfits=190,
     walks=150,
     held_out_motions=0,
     known_motions=1,

@@ -117,13 +117,17 @@ def limits(subjects: Sequence[Subject], folder: Path, python: Path) -> dict[str,
         for each in subjects
         if each.influences == 8 and each.quantized
     ]
-    web = next(subject for subject in subjects if subject.labels[0] == "web --no-quantize")
-    job = {"glb": str(web.glb), "times": web.times, "as_imported": True}
-    [held] = engines.attempt(BLENDER, [job], folder, python)
+    held = []
+    for name in ("web --no-quantize", "reference"):
+        subject = next(subject for subject in subjects if subject.labels[0] == name)
+        job = {"glb": str(subject.glb), "times": subject.times, "as_imported": True}
+        [found] = engines.attempt(BLENDER, [job], folder, python)
+        held.append(found.reason if isinstance(found, Refused) else f"{_clamped(found, subject) * 1000:.1f} mm")
     return {
         "four_influences": f"{max(lost) * 1000:.1f}",
         "shrunk": f"{max(shrunk) * 1000:.0f}",
-        "sliders": held.reason if isinstance(held, Refused) else f"{_clamped(held, web) * 1000:.1f} mm",
+        "sliders": held[0],
+        "sliders_reference": held[1],
     }
 
 

@@ -31,10 +31,14 @@ function poseKeys({encoding}, layers, joints) {
   for (const {weight, bias, activation} of layers) {
     const inputs = x;
     x = Array.from(bias, (b, o) => inputs.reduce((sum, value, i) => sum + weight[o * inputs.length + i] * value, b));
-    if (activation !== 'linear') x = x.map(value => Math.max(value, 0));
+    if (activation.endsWith('relu')) x = x.map(value => Math.max(value, 0));
     if (activation === 'normalized_relu') {
       const sum = x.reduce((a, b) => a + b, 1e-6);
       x = x.map(value => value / sum);
+    }
+    if (activation === 'nonnegative') {
+      const least = Math.min(...x);
+      x = x.map(value => value - least);
     }
   }
   return x;
