@@ -41,7 +41,7 @@ _FEWER = 4
 class ResolveCollisions:
     """How hard to try.
 
-    clearance   metres that loose cloth should keep from the skin, beyond what all should; less where less is there at rest
+    clearance   metres that loose cloth should keep beyond what all cloth should; where less is there at rest, less
     bulge       metres: between the vertices of coarse cloth the skin of a round limb rises. Cloth keeps that distance
                 too, but at most this much
     poses       how many poses to look at

@@ -56,7 +56,7 @@ class Springs:
         limb the full height. `normals` (3, n, P) are the skin's at the vertices, 0 where they do not touch it.
         """
         count = len(self.lengths)
-        touching: NDArray[np.float32] = normals.any(axis=0).astype(np.float32)
+        touching = np.asarray(normals.any(axis=0), np.float32)
         turned = self._differences(normals)
         rise = np.einsum("iep,iep->ep", turned, self._differences(vertices)) / 4
         rise *= (rise > 0) & (self.differences[:count, : len(touching)] @ touching == 0)
