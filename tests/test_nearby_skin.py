@@ -61,9 +61,9 @@ def test_candidates_find_what_a_search_of_all_the_skin_finds(gap: float, missed:
     skin = NearbySkin.of(rig, BODY, None, farthest_apart(POSES[:100], 20))
     unseen = POSES[100:]
     assert len(skin.body.faces) < len(BODY.faces) / 2
-    clearance, gradient = skin.contacts(posed_outfit(rig, unseen), unseen)
+    clearance, normals = skin.contacts(posed_outfit(rig, unseen), unseen)
     searched = find_clearance(rig, BODY, None, unseen).T
-    contact, true = gradient.any(axis=0), searched < FAR
+    contact, true = normals.any(axis=0), searched < FAR
     assert (contact != true).mean() < missed * true.mean()
     both = contact & true
     assert np.abs(clearance - searched)[both].mean() < 2e-4
@@ -72,12 +72,15 @@ def test_candidates_find_what_a_search_of_all_the_skin_finds(gap: float, missed:
     assert (clearance[both] > -DEPTH).all()
 
 
-def test_gradient_is_how_clearance_changes() -> None:
+def test_normals_are_how_clearance_changes() -> None:
     rig = trousers()
     skin = NearbySkin.of(rig, BODY, None, POSES[:4])
     step = np.array([3e-4, -2e-4, 1e-4])
-    clearance, gradient = skin.contacts(posed_outfit(rig, POSES[:4]), POSES[:4])
-    after, after_gradient = skin.contacts(posed_outfit(moved_by(rig, step), POSES[:4]), POSES[:4])
-    same = (gradient == after_gradient).all(axis=0) & gradient.any(axis=0)  # the same triangle is nearest
+    before, moved = (posed_outfit(cloth, POSES[:4]) for cloth in (rig, moved_by(rig, step)))
+    clearance, normals = skin.contacts(before, POSES[:4])
+    after, after_normals = skin.contacts(moved, POSES[:4])
+    same = (normals == after_normals).all(axis=0) & normals.any(axis=0)  # the same triangle is nearest
     assert same.mean() > 0.2
-    np.testing.assert_allclose((after - clearance)[same], np.einsum("inp,i->np", gradient, step)[same], atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(normals[:, same], axis=0), 1, atol=1e-5)
+    outwards = np.einsum("inp,inp->np", normals, moved.vertices - before.vertices)
+    np.testing.assert_allclose((after - clearance)[same], outwards[same], atol=1e-6)

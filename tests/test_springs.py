@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from gltf_samples import make_rig
 
-from garmentc.evaluation.metrics import edge_lengths
-from garmentc.outfit.topology import edges
+from garmentc.outfit.topology import edge_lengths, edges
 from garmentc.passes.anchors import Anchors
-from garmentc.passes.springs import Springs
+from garmentc.passes.body_contacts import CLOSEST
+from garmentc.passes.bulging import Bulging
+from garmentc.passes.springs import Springs, mean_edge_lengths
 from garmentc.smpl.rotations import axis_angle_to_matrix
 
 PATH = np.array([[0, 1], [1, 2]])
@@ -52,6 +53,87 @@ def test_pulling_again_and_again_restores_the_lengths() -> None:
     for _ in range(100):
         moved += springs.pull(in_one_pose(moved))[:, :, 0].T
     assert np.abs(edge_lengths(moved, pairs) - rest).mean() < 0.2 * before
+
+
+RADIUS, ACROSS = 0.05, 12
+"""A tube: its rings have so many vertices, as far apart as the rings."""
+
+
+def lattice(index: np.ndarray) -> np.ndarray:
+    """Edges (E, 2) along and across a tube of vertices with numbers (rings, around)."""
+    across = np.stack([index, np.roll(index, -1, axis=1)], axis=-1).reshape(-1, 2)
+    along = np.stack([index[:-1], index[1:]], axis=-1).reshape(-1, 2)
+    return np.concatenate([across, along])
+
+
+def tube() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices (N, 3), edges (E, 2) and outward normals (N, 3)."""
+    angle = 2 * np.pi * np.arange(ACROSS) / ACROSS
+    normals = np.stack([np.cos(angle), np.zeros(ACROSS), np.sin(angle)], axis=1)
+    ring = np.linalg.norm(RADIUS * (normals[0] - normals[1]))
+    vertices = np.concatenate([RADIUS * normals + [0, ring * row, 0] for row in range(5)])
+    return vertices, lattice(np.arange(5 * ACROSS).reshape(5, ACROSS)), np.tile(normals, (5, 1))
+
+
+def test_sag_is_how_far_a_limb_rises_over_the_edges_across_it() -> None:
+    vertices, pairs, normals = tube()
+    sag = Springs.of(vertices, pairs).sag(in_one_pose(vertices), in_one_pose(normals))[:, 0]
+    rise = RADIUS * (1 - np.cos(np.pi / ACROSS))
+    np.testing.assert_allclose(sag[ACROSS:-ACROSS], rise, rtol=0.02)  # not at the ends, where edges are fewer
+
+
+def test_nothing_rises_where_skin_is_hollow_or_not_touched() -> None:
+    vertices, pairs, normals = tube()
+    springs = Springs.of(vertices, pairs)
+    assert not springs.sag(in_one_pose(vertices), in_one_pose(-normals)).any()
+    touched = normals * (np.arange(len(normals)) % 2)[:, None]
+    only_along = springs.sag(in_one_pose(vertices), in_one_pose(touched))
+    assert np.abs(only_along).max() < 1e-6
+
+
+def test_few_anchors_do_not_make_skin_rise_more() -> None:
+    """It rises between the vertices of the outfit, whatever stands for them."""
+    vertices, pairs, normals = tube()
+    rows = np.arange(len(vertices)).reshape(5, ACROSS)[::2, ::2].ravel()
+    few = Springs.of(vertices[rows], lattice(np.arange(len(rows)).reshape(3, -1)))
+
+    def mean_height(rows: np.ndarray, springs: Springs) -> float:
+        bulging = Bulging.of(vertices, pairs, rows, springs, most=0.1)
+        return float(bulging.height(in_one_pose(vertices[rows]), in_one_pose(normals[rows])).mean())
+
+    everyone = mean_height(np.arange(len(vertices)), Springs.of(vertices, pairs))
+    assert few.sag(in_one_pose(vertices[rows]), in_one_pose(normals[rows])).mean() > 3 * everyone
+    np.testing.assert_allclose(mean_height(rows, few), everyone, rtol=0.2)
+
+
+def test_cloth_of_short_edges_needs_no_measuring() -> None:
+    vertices, pairs, normals = tube()
+    fine = Bulging.of(0.3 * vertices, pairs, np.arange(len(vertices)), Springs.of(0.3 * vertices, pairs), 0.005)
+    np.testing.assert_array_equal(fine.height(in_one_pose(vertices), in_one_pose(normals)), np.float32(CLOSEST))
+    coarse = Bulging.of(vertices, pairs, np.arange(len(vertices)), Springs.of(vertices, pairs), 0.0015)
+    height = coarse.height(in_one_pose(vertices), in_one_pose(normals))
+    assert height.min() >= np.float32(CLOSEST)
+    assert height.max() == np.float32(0.0015)
+
+
+def test_mean_edge_lengths_are_those_of_the_springs() -> None:
+    rig = make_rig()
+    pairs = edges(rig.triangles)
+    mean = mean_edge_lengths(rig.template, pairs)
+    np.testing.assert_allclose(mean, Springs.of(rig.template, pairs).mean_lengths, rtol=1e-5)
+    first = np.linalg.norm(rig.template[np.setdiff1d(pairs[(pairs == 0).any(axis=1)], 0)] - rig.template[0], axis=1)
+    np.testing.assert_allclose(mean[0], first.mean(), rtol=1e-5)
+
+
+def test_anchors_among_anchors_carry_over_to_all_of_them() -> None:
+    rig = make_rig()
+    anchors = Anchors.of(rig, rig.vertex_count // 2)
+    few = anchors.among(len(anchors.rows) // 3)
+    np.testing.assert_array_equal(few.places, anchors.places[anchors.rows])
+    (_, interpolator), *more = few.interpolators(len(anchors.rows))
+    assert not more
+    assert interpolator.shape == (len(anchors.rows), len(few.rows))
+    np.testing.assert_allclose(interpolator[few.rows].toarray(), np.eye(len(few.rows)), atol=1e-4)
 
 
 def test_anchors_are_joined_where_the_cloth_between_them_is() -> None:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from garmentc.errors import GarmentcError
 from garmentc.evaluation.clean_frames import CleanFrames, touching_share
-from garmentc.evaluation.metrics import bend, edge_lengths, edge_mm, signed_distance
+from garmentc.evaluation.metrics import bend, edge_mm, signed_distance
 from garmentc.evaluation.open_arms import open_arms
 from garmentc.evaluation.posed_outfit import PosedOutfit
-from garmentc.outfit.topology import edges
+from garmentc.outfit.topology import edge_lengths, edges
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.motion import Motion
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.outfit.topology import vertex_normals
+from garmentc.outfit.topology import edge_lengths, vertex_normals
 
 MILLIMETRES = 1000.0
 
@@ -19,14 +19,6 @@ def euclidean_mm(vertices: NDArray[Any], reference: NDArray[Any]) -> float:
     """Mean distance of `vertices` (N, 3) to the same vertices of `reference` (N, 3)."""
     distance = np.linalg.norm(np.asarray(vertices, np.float64) - reference, axis=-1)
     return MILLIMETRES * float(distance.mean())
-
-
-def edge_lengths(vertices: NDArray[Any], edges: NDArray[Any]) -> NDArray[np.float64]:
-    """Lengths (E,) in metres of `edges` (E, 2)."""
-    lengths: NDArray[np.float64] = np.linalg.norm(
-        np.asarray(vertices, np.float64)[edges[:, 0]] - np.asarray(vertices, np.float64)[edges[:, 1]], axis=-1
-    )
-    return lengths
 
 
 def edge_mm(vertices: NDArray[Any], rest_lengths: NDArray[Any], edges: NDArray[Any]) -> float:

@@ -14,8 +14,8 @@ from garmentc.errors import GarmentcError
 from garmentc.evaluation.clean_frames import CleanFrames, touching_share
 from garmentc.evaluation.evaluate import DEEP
 from garmentc.evaluation.method import SIMULATION, Method, PosedTemplate
-from garmentc.evaluation.metrics import MILLIMETRES, bend, depth_inside, edge_lengths, edge_mm
-from garmentc.outfit.topology import edges
+from garmentc.evaluation.metrics import MILLIMETRES, bend, depth_inside, edge_mm
+from garmentc.outfit.topology import edge_lengths, edges
 from garmentc.simulation.sequence import Sample, SequenceFacts
 from garmentc.simulation.sequence import Sequence as OutfitSequence
 from garmentc.smpl.body import BodyModel

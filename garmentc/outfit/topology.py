@@ -69,6 +69,13 @@ def edges(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1).astype(np.int32)
 
 
+def edge_lengths(vertices: NDArray[Any], edges: NDArray[Any]) -> NDArray[np.float64]:
+    """Lengths (E,) of `edges` (E, 2) between `vertices` (N, 3), in their unit."""
+    starts, ends = (np.asarray(vertices, np.float64)[rows] for rows in edges.T)
+    lengths: NDArray[np.float64] = np.linalg.norm(starts - ends, axis=-1)
+    return lengths
+
+
 def corner_angles(points: NDArray[np.float64], triangles: NDArray[Any]) -> NDArray[np.float64]:
     """(F, 3) angle at each corner, radians; 0 where a triangle has no area."""
     corners = [points[triangles[:, k]] for k in range(3)]

@@ -37,6 +37,10 @@ class Anchors:
         normals = _NORMAL_REACH * vertex_normals(template, rig.triangles)
         return cls(spread_vertices(rig.vertex_count, most), np.concatenate([template, normals], axis=1))
 
+    def among(self, most: int) -> Anchors:
+        """At most `most` of the anchors, as anchors of all of them."""
+        return Anchors(spread_vertices(len(self.rows), most), self.places[self.rows])
+
     @cached_property
     def smoother(self) -> Any:
         """Sparse (n, n) float32: the mean of each anchor and its nearest others."""

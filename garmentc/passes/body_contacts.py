@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.passes.pose_blocks import over_blocks
 from garmentc.passes.posed_skinning import posed_body, posed_outfit
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
@@ -24,11 +23,16 @@ DEPTH = 0.03
 CLOSEST = 0.001
 """Metres: what even the tightest cloth should keep."""
 
+CLEARANCE = 0.005
+"""Metres: what loose cloth should keep beyond that."""
+
 FAR = 1.0
 """Metres: the clearance where there is no skin near to care about."""
 
+POSES_AT_ONCE = 4
+"""As many as threads search in all of the skin at a time."""
+
 _SHARED_WEIGHT = 0.2
-_POSES_AT_ONCE = 4
 
 
 @dataclass(frozen=True)
@@ -117,9 +121,7 @@ def find_clearance(
         clearance: NDArray[np.float32] = np.where(close, distance, np.float32(FAR)).T
         return clearance
 
-    blocks = [poses[start : start + _POSES_AT_ONCE] for start in range(0, len(poses), _POSES_AT_ONCE)]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return np.concatenate(list(pool.map(find, blocks)))
+    return np.concatenate(over_blocks(find, poses, POSES_AT_ONCE))
 
 
 def in_contact(distance: NDArray[np.float32], depth: float = DEPTH) -> NDArray[np.bool_]:
@@ -128,19 +130,15 @@ def in_contact(distance: NDArray[np.float32], depth: float = DEPTH) -> NDArray[n
 
 
 def wanted_clearance(
-    rig: Rig,
-    body: BodyModel,
-    betas: NDArray[Any] | None,
-    clearance: float,
-    closest: NDArray[np.float32] | float = CLOSEST,
+    rig: Rig, body: BodyModel, betas: NDArray[Any] | None, clearance: float = CLEARANCE
 ) -> NDArray[np.float32]:
-    """Clearance (N,) in metres that vertices should keep in every pose: `clearance`, less where they have less at rest.
+    """Clearance (N,) in metres that vertices should keep in every pose, beyond what the tightest cloth should.
 
-    It grows with that at rest, so layers stay in order, and is never under `closest`, at most half of `clearance`.
+    It is 0 for cloth that lies on the skin at rest, grows with the clearance there, so that layers stay in order, and
+    goes to `clearance` where they are loose.
     """
     at_rest = find_clearance(rig, body, betas, np.zeros((1, JOINT_COUNT, 3)))[0]
-    tight = np.exp(-np.maximum(at_rest, 0) / clearance)
-    wanted: NDArray[np.float32] = clearance * (1 - tight) + closest * tight**2
+    wanted: NDArray[np.float32] = -clearance * np.expm1(-np.maximum(at_rest, 0) / clearance)
     return wanted
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from garmentc.passes.anchors import Anchors
 from garmentc.passes.blas import single_threaded_blas
-from garmentc.passes.body_contacts import find_clearance, wanted_clearance
+from garmentc.passes.body_contacts import CLOSEST, find_clearance, wanted_clearance
 from garmentc.passes.part_of_rig import side_by_side, take_vertices
 from garmentc.passes.pose_set import PoseSet
 from garmentc.passes.posed_error import posed_error
@@ -32,7 +32,6 @@ class FollowSkin:
     reach      metres: cloth this far from the skin takes a share 1/e of the skin's weights, nearer cloth more
     tight      metres: cloth this close clings to the skin, and takes its weights even where they save nothing
     saved      metres of mean penetration that the skin's weights must save for a vertex to take them
-    clearance  metres that cloth should keep from the skin, as in ResolveCollisions
     poses      how many poses to look at
     anchors    vertices to look at; those between them do as they do
     smoothing  rounds of carrying the choice over to the vertices around
@@ -41,7 +40,6 @@ class FollowSkin:
     reach: float = 0.02
     tight: float = 0.003
     saved: float = 2.5e-4
-    clearance: float = 0.006
     poses: int = 20
     anchors: int = 2000
     smoothing: int = 30
@@ -63,7 +61,7 @@ def follow_skin(
     closest = closest_on_surface(part.template, skin, body.faces)
     all_in = replace(part, weights=_mixed(part.weights, np.ones(len(anchors.rows)), closest, body, options.reach))
     with single_threaded_blas():
-        wanted = wanted_clearance(part, body, betas, options.clearance)
+        wanted = CLOSEST + wanted_clearance(part, body, betas)
         clearance = find_clearance(side_by_side(part, all_in), body, betas, poses.some(options.poses), _DEPTH)
     lacking = np.maximum(np.concatenate([wanted, wanted]) - clearance, 0).mean(axis=0)
     before, after = np.split(lacking, 2)

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.passes.body_contacts import DEPTH, Planes, Skin, in_contact
+from garmentc.passes.body_contacts import DEPTH, POSES_AT_ONCE, Planes, Skin, in_contact
+from garmentc.passes.pose_blocks import over_blocks
 from garmentc.passes.posed_skinning import PosedVertices, posed_body, posed_outfit
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
 
 _CANDIDATES = 8
-_POSES_AT_ONCE = 4
 
 
 @dataclass(frozen=True)
@@ -46,9 +44,7 @@ class NearbySkin:
             planes = Planes.of(posed_body(body, betas, block), skin.faces)
             return planes.nearest(posed_outfit(rig, block).vertices, 2 * DEPTH)
 
-        blocks = [poses[start : start + _POSES_AT_ONCE] for start in range(0, len(poses), _POSES_AT_ONCE)]
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            found = np.concatenate(list(pool.map(find, blocks)), axis=1)
+        found = np.concatenate(over_blocks(find, poses, POSES_AT_ONCE), axis=1)
         faces, candidates = np.unique(_most_frequent(found, len(skin.faces)), return_inverse=True)
         vertices, corners = np.unique(skin.faces[faces], return_inverse=True)
         part = replace(body.of_vertices(vertices), faces=corners.reshape(-1, 3).astype(np.int32))
@@ -57,10 +53,9 @@ class NearbySkin:
         return cls(part, betas, candidates.reshape(shape), joined.reshape(shape))
 
     def contacts(self, outfit: PosedVertices, poses: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Clearances (n, P) of the outfit as it is in `poses` (P, 24, 3), metres, and their gradients (3, n, P).
+        """Clearances (n, P) of the outfit as it is in `poses` (P, 24, 3), metres, and the skin's normals (3, n, P).
 
-        A displacement u of the rest vertex changes the clearance by gradient . u, to first order. Both are 0 where
-        there is no contact.
+        Both are 0 where there is no contact.
         """
         planes = Planes.of(posed_body(self.body, self.betas, poses), self.body.faces)
         squared = np.full(outfit.vertices.shape[1:], (2 * DEPTH) ** 2, dtype=np.float32)
@@ -75,7 +70,7 @@ class NearbySkin:
         clearance, normals = planes.offset(outfit.vertices, np.take_along_axis(self.candidates, chosen, axis=1))
         counts = found & np.take_along_axis(self.joined, chosen, axis=1)
         counts &= in_contact(clearance)
-        return clearance * counts, np.einsum("ijnp,inp->jnp", outfit.turn, normals * counts)
+        return clearance * counts, normals * counts
 
 
 def _most_frequent(found: NDArray[np.intp], count: int) -> NDArray[np.intp]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.passes.bulging import Bulging
 from garmentc.passes.nearby_skin import NearbySkin
 from garmentc.passes.posed_skinning import PosedVertices, posed_outfit
 from garmentc.passes.springs import Springs
@@ -28,12 +29,24 @@ class PosedCloth:
     outwards: NDArray[np.float32]
 
     @classmethod
-    def of(cls, rig: Rig, poses: NDArray[Any], skin: NearbySkin, wanted: NDArray[np.float32]) -> PosedCloth:
-        """The rig in `poses` (P, 24, 3), with `wanted` clearances (n,) from the skin."""
+    def of(
+        cls, rig: Rig, poses: NDArray[Any], skin: NearbySkin, wanted: NDArray[np.float32], bulging: Bulging
+    ) -> PosedCloth:
+        """The rig in `poses` (P, 24, 3), with `wanted` clearances (n,) from the skin beyond what that bulges out."""
         posed = posed_outfit(rig, poses)
-        clearance, gradient = skin.contacts(posed, poses)
+        clearance, normals = skin.contacts(posed, poses)
+        lacking = bulging.height(posed.vertices, normals)
+        lacking += wanted[:, None]
+        lacking -= clearance
+        # How clearance changes with a displacement of the rest vertex, to first order.
+        gradient = np.einsum("ijnp,inp->jnp", posed.turn, normals)
         size = np.maximum(np.sqrt(np.einsum("inp,inp->np", gradient, gradient)), 1e-3)
-        return cls(posed, (wanted[:, None] - clearance) / size, gradient / size)
+        return cls(posed, lacking / size, gradient / size)
+
+    def of_vertices(self, rows: NDArray[np.intp]) -> PosedCloth:
+        """Some of the vertices."""
+        posed = PosedVertices(self.posed.vertices[:, rows], self.posed.turn[:, :, rows])
+        return PosedCloth(posed, self.lacking[rows], self.outwards[:, rows])
 
     def step(self, moved: NDArray[np.float32], springs: Springs, relaxation: float) -> NDArray[np.float32]:
         """Rest-space step (3, n, P) from displacements `moved` (3, n, P).

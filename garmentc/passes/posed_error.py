@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 
 from garmentc.passes.blas import single_threaded_blas
 from garmentc.passes.part_of_rig import spread_vertices, take_vertices
+from garmentc.passes.pose_blocks import over_blocks
 from garmentc.rig import Rig
 
 MAX_VERTICES = 1_500
@@ -48,7 +47,6 @@ def posed_error(before: Rig, after: Rig, poses: NDArray[Any], max_vertices: int 
         apart: NDArray[np.float64] = np.linalg.norm(before.posed(block) - after.posed(block), axis=-1)
         return apart.ravel()
 
-    with single_threaded_blas(), ThreadPoolExecutor(os.cpu_count()) as pool:
-        blocks = [poses[start : start + count] for start in range(0, len(poses), count)]
-        mm = 1000 * np.concatenate(list(pool.map(distances, blocks)))
+    with single_threaded_blas():
+        mm = 1000 * np.concatenate(over_blocks(distances, poses, count))
     return PosedError(float(mm.mean()), float(np.percentile(mm, 99)), float(mm.max()), len(rows), len(poses))

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from garmentc.outfit.topology import edges
 from garmentc.passes.anchors import Anchors
 from garmentc.passes.blas import single_threaded_blas
-from garmentc.passes.body_contacts import CLOSEST, find_clearance, wanted_clearance
+from garmentc.passes.body_contacts import CLEARANCE, find_clearance, wanted_clearance
+from garmentc.passes.bulging import Bulging
 from garmentc.passes.nearby_skin import NearbySkin
 from garmentc.passes.part_of_rig import side_by_side, take_vertices
+from garmentc.passes.pose_blocks import over_blocks
 from garmentc.passes.pose_set import PoseSet, farthest_apart
 from garmentc.passes.posed_cloth import PosedCloth
 from garmentc.passes.posed_error import posed_error
@@ -31,18 +33,23 @@ _CHECKED = 8
 _NEGLIGIBLE = 0.01
 """Combinations of keys whose mean square is below this share of the ridge get less than a hundredth of the movement."""
 
+_FEWER = 4
+"""How many times fewer anchors the coarse rounds move."""
+
 
 @dataclass(frozen=True)
 class ResolveCollisions:
     """How hard to try.
 
-    clearance   metres that cloth should keep from the skin; cloth that is closer at rest may stay closer
-    radius      metres: how round limbs are; between the vertices of a mesh skin bulges out by edge² / (8 radius), so
-                coarse cloth keeps that distance even where it has less at rest
+    clearance   metres that loose cloth should keep beyond what all cloth should; where less is there at rest, less
+    bulge       metres: between the vertices of coarse cloth the skin of a round limb rises. Cloth keeps that distance
+                too, but at most this much
     poses       how many poses to look at
     searched    in how many poses to search all of the skin for what is nearest to a vertex
     anchors     vertices to look at; those between them move with them
-    iterations  rounds of bringing edges back to their lengths and pushing out what is too close
+    coarse      rounds of bringing edges back to their lengths and pushing out what is too close, with few anchors:
+                the cloth's way out as a whole, which takes a round for each edge with many
+    iterations  rounds of the same with all anchors, from there
     ridge       how much movement must be worth it, relative to the keys' own size; with less, shapes grow so large that
                 single precision shows at rest
     relaxation  how far a round brings edges back, of the step that would do for an edge alone
@@ -52,12 +59,13 @@ class ResolveCollisions:
     Rounds settle on any mesh, even a lace, where relaxation < 1 + 1 / (1 + 2 momentum) and smoothing < 1 / 2.
     """
 
-    clearance: float = 0.010
-    radius: float = 0.025
+    clearance: float = CLEARANCE
+    bulge: float = 0.005
     poses: int = 384
     searched: int = 24
     anchors: int = 3000
-    iterations: int = 12
+    coarse: int = 8
+    iterations: int = 10
     ridge: float = 0.2
     relaxation: float = 1.2
     smoothing: float = 0.2
@@ -84,17 +92,24 @@ def resolve_collisions(
         return rig, PassReport("resolve collisions", "no pose keys that move")
     anchors = Anchors.of(rig, options.anchors)
     part = take_vertices(rig, anchors.rows)
-    joined = edges(rig.triangles)
-    springs = Springs.of(part.template, anchors.joined(joined))
-    bulge = _edge_lengths(rig.template, joined)[anchors.rows] ** 2 / (8 * options.radius)
-    closest = np.clip(bulge, CLOSEST, options.clearance / 2)
-    with single_threaded_blas(), ThreadPoolExecutor(os.cpu_count()) as pool:
-        wanted = wanted_clearance(part, body, betas, options.clearance, closest)
+    with single_threaded_blas():
+        wanted = wanted_clearance(part, body, betas, options.clearance)
         skin = NearbySkin.of(part, body, betas, farthest_apart(fit, options.searched))
-        blocks = [fit[start : start + _POSES_AT_ONCE] for start in range(0, len(fit), _POSES_AT_ONCE)]
-        cloth = list(pool.map(lambda block: PosedCloth.of(part, block, skin, wanted), blocks))
-        added = _relaxed(cloth, springs, keys, options, pool)
-        resolved = replace(rig, blend_shapes=_plus(rig.blend_shapes, added, anchors), blend_normals=None)
+        joined = edges(rig.triangles)
+        pairs = anchors.joined(joined)
+        springs = Springs.of(part.template, pairs)
+        bulging = Bulging.of(rig.template, joined, anchors.rows, springs, options.bulge)
+        cloth = over_blocks(lambda block: PosedCloth.of(part, block, skin, wanted, bulging), fit, _POSES_AT_ONCE)
+        regression = _Regression.on(keys, options.ridge)
+        few = anchors.among(len(anchors.rows) // _FEWER + 1)
+        shapes = np.zeros((3, len(few.rows), len(regression.kept)), dtype=np.float32)
+        thinned = [block.of_vertices(few.rows) for block in cloth]
+        spanning = Springs.of(part.template[few.rows], few.joined(pairs))
+        shapes = _relaxed(shapes, thinned, spanning, regression, options.coarse, options)
+        shapes = _relaxed(_carried(shapes, few), cloth, springs, regression, options.iterations, options)
+        resolved = replace(
+            rig, blend_shapes=_plus(rig.blend_shapes, shapes, regression.axes, anchors), blend_normals=None
+        )
         both = side_by_side(part, take_vertices(resolved, anchors.rows))
         inside = find_clearance(both, body, betas, poses.check[:_CHECKED]) < 0
     before, after = (100 * float(half.mean()) for half in np.split(inside, 2, axis=1))
@@ -103,57 +118,79 @@ def resolve_collisions(
     return resolved, PassReport("resolve collisions", detail)
 
 
-def _edge_lengths(template: NDArray[Any], edges: NDArray[Any]) -> NDArray[np.float32]:
-    """The mean length of the edges at each vertex, (N,) metres."""
-    lengths = np.linalg.norm(np.subtract(*template[edges.T]), axis=1)
-    total = sum(np.bincount(ends, lengths, len(template)) for ends in edges.T)
-    return (total / np.maximum(np.bincount(edges.ravel(), minlength=len(template)), 1)).astype(np.float32)
-
-
 @dataclass(frozen=True)
-class _Added:
-    """shapes (3, n, r) of n anchors for the r combinations axes (M, r) of keys."""
+class _Regression:
+    """Ridge least squares on the r principal combinations of M keys in P poses.
 
-    shapes: NDArray[np.float32]
+    axes     (M, r) float32 the combinations, of unit length
+    amounts  (P, r) float32 how much of each is in a pose
+    weights  (P, r) float32: displacements (n, P) times these are the shapes (n, r) to add
+    kept     (r,) float32 how much of a movement the ridge leaves
+    """
+
     axes: NDArray[np.float32]
+    amounts: NDArray[np.float32]
+    weights: NDArray[np.float32]
+    kept: NDArray[np.float32]
+
+    @classmethod
+    def on(cls, keys: NDArray[np.float64], ridge: float) -> _Regression:
+        """On `keys` (P, M), with a ridge relative to their mean square."""
+        moment, axes = np.linalg.eigh(keys.T @ keys / len(keys))
+        ridge = ridge * moment.mean()
+        principal = moment > _NEGLIGIBLE * ridge
+        axes, moment = axes[:, principal], moment[principal]
+        amounts, kept = keys @ axes, moment / (moment + ridge)
+        weights = amounts * kept / moment / len(keys)
+        return cls(*(array.astype(np.float32) for array in (axes, amounts, weights, kept)))
 
 
 def _relaxed(
+    shapes: NDArray[np.float32],
     cloth: Sequence[PosedCloth],
     springs: Springs,
-    keys: NDArray[np.float64],
+    regression: _Regression,
+    rounds: int,
     options: ResolveCollisions,
-    pool: ThreadPoolExecutor,
-) -> _Added:
-    """What to add to the shapes so that they do all that in the poses of the blocks of `cloth`, with keys (P, M)."""
-    moment, axes = np.linalg.eigh(keys.T @ keys / len(keys))
-    ridge = options.ridge * moment.mean()
-    principal = moment > _NEGLIGIBLE * ridge
-    axes, moment = axes[:, principal], moment[principal]
-    amounts, kept = keys @ axes, moment / (moment + ridge)
-    regress = amounts * kept / moment / len(keys)
+) -> NDArray[np.float32]:
+    """Shapes (3, n, r) to add, from those given, so that they do all that in the poses of the blocks of `cloth`."""
     ends = np.cumsum([block.lacking.shape[1] for block in cloth])[:-1]
-    by_block = [np.split(array.astype(np.float32), ends) for array in (amounts, regress)]
-    smoothing = (options.smoothing * kept).astype(np.float32)
-    shapes = before = np.zeros((3, len(cloth[0].lacking), len(moment)), dtype=np.float32)
+    amounts, weights = (np.split(array, ends) for array in (regression.amounts, regression.weights))
+    smoothing = options.smoothing * regression.kept
+    before = shapes
 
-    def step(block: PosedCloth, amounts: NDArray[np.float32], regress: NDArray[np.float32]) -> NDArray[np.float32]:
-        result: NDArray[np.float32] = block.step(ahead @ amounts.T, springs, options.relaxation) @ regress
+    def step(block: PosedCloth, amounts: NDArray[np.float32], weights: NDArray[np.float32]) -> NDArray[np.float32]:
+        result: NDArray[np.float32] = block.step(ahead @ amounts.T, springs, options.relaxation) @ weights
         return result
 
-    for _ in range(options.iterations):
-        ahead = shapes + options.momentum * (shapes - before)
-        ahead += smoothing * springs.roughness(ahead)
-        # Blocks come back in order: threads do not change the sum.
-        before, shapes = shapes, sum(pool.map(step, cloth, *by_block), start=ahead)
-    return _Added(shapes, axes.astype(np.float32))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for _ in range(rounds):
+            ahead = shapes + options.momentum * (shapes - before)
+            ahead += smoothing * springs.roughness(ahead)
+            # Blocks come back in order: threads do not change the sum.
+            before, shapes = shapes, sum(pool.map(step, cloth, amounts, weights), start=ahead)
+    return shapes
 
 
-def _plus(shapes: NDArray[Any], added: _Added, anchors: Anchors) -> NDArray[np.float32]:
-    """Blend shapes (M, N, 3) plus what is added to those of the anchors, carried over to all vertices."""
+def _by_vertex(shapes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(n, 3r) from shapes (3, n, r)."""
+    return shapes.transpose(1, 0, 2).reshape(shapes.shape[1], -1)
+
+
+def _carried(shapes: NDArray[np.float32], anchors: Anchors) -> NDArray[np.float32]:
+    """Shapes (3, N, r) of all vertices from those of the anchors, (3, n, r)."""
+    blocks = anchors.interpolators(len(anchors.places))
+    carried = np.concatenate([interpolator @ _by_vertex(shapes) for _, interpolator in blocks])
+    return np.ascontiguousarray(carried.reshape(len(carried), 3, -1).transpose(1, 0, 2))
+
+
+def _plus(
+    shapes: NDArray[Any], added: NDArray[np.float32], axes: NDArray[np.float32], anchors: Anchors
+) -> NDArray[np.float32]:
+    """Blend shapes (M, N, 3) plus what is added to those of the anchors, (3, n, r), carried over to all vertices."""
     result = np.array(shapes, dtype=np.float32)
-    by_anchor = added.shapes.transpose(1, 0, 2).reshape(added.shapes.shape[1], -1)
+    by_anchor = _by_vertex(added)
     for rows, interpolator in anchors.interpolators(max(1, _VALUES_AT_ONCE // (3 * len(shapes)))):
-        carried = (interpolator @ by_anchor).reshape(-1, len(added.axes.T))
-        result[:, rows] += (added.axes @ carried.T).reshape(len(shapes), -1, 3)
+        carried = (interpolator @ by_anchor).reshape(-1, len(axes.T))
+        result[:, rows] += (axes @ carried.T).reshape(len(shapes), -1, 3)
     return result

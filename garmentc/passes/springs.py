@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from garmentc.outfit.topology import edge_lengths
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,7 @@ class Springs:
         signs = np.tile(np.array([-1, 1], dtype=np.float32), len(edges))
         rows = np.repeat(np.arange(len(edges)), 2)
         differences = csr_matrix((signs, (rows, edges.ravel())), shape=(len(edges), len(template)))
-        lengths = np.linalg.norm(differences @ template.astype(np.float64), axis=1).astype(np.float32)
+        lengths = edge_lengths(template, edges).astype(np.float32)
         valence = np.bincount(edges.ravel(), minlength=len(template))
         means = diags(-1 / np.maximum(valence, 1).astype(np.float32)) @ differences.T
         each = eye(3, dtype=np.float32)  # coordinates
@@ -45,6 +48,32 @@ class Springs:
         along *= np.subtract(1, slack, out=slack)
         return 0.5 * self._means(along)
 
+    def sag(self, vertices: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
+        """How far skin rises between vertices (3, n, P) that touch it, (n, P): the mean over each vertex's edges.
+
+        Over an edge along which the skin's normal turns by an angle a, the skin rises by a/8 of its length, where it
+        bulges. A cylinder's edges turn half as much on average as those across it, so twice that is taken: across a
+        limb the full height. `normals` (3, n, P) are the skin's at the vertices, 0 where they do not touch it.
+        """
+        count = len(self.lengths)
+        touching = np.asarray(normals.any(axis=0), np.float32)
+        turned = self._differences(normals)
+        rise = np.einsum("iep,iep->ep", turned, self._differences(vertices)) / 4
+        rise *= (rise > 0) & (self.differences[:count, : len(touching)] @ touching == 0)
+        sag: NDArray[np.float32] = self._means_of_lengths @ rise
+        return sag
+
+    @property
+    def mean_lengths(self) -> NDArray[np.float32]:
+        """(n,) metres: the mean over each vertex's edges, unstretched; 0 where there are none."""
+        mean: NDArray[np.float32] = self._means_of_lengths @ self.lengths
+        return mean
+
+    @cached_property
+    def _means_of_lengths(self) -> Any:
+        """Sparse (n, E): the mean over each vertex's edges of what has no direction."""
+        return abs(self.means[: self.means.shape[0] // 3, : len(self.lengths)])
+
     def roughness(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """How far `values` (3, n, P) are from the mean of their neighbours', with the opposite sign; (3, n, P)."""
         return self._means(self._differences(values))
@@ -56,3 +85,10 @@ class Springs:
     def _means(self, along: NDArray[np.float32]) -> NDArray[np.float32]:
         mean: NDArray[np.float32] = self.means @ along.reshape(-1, along.shape[2])
         return mean.reshape(3, -1, along.shape[2])
+
+
+def mean_edge_lengths(template: NDArray[Any], edges: NDArray[Any]) -> NDArray[np.float32]:
+    """The mean length (N,) of the `edges` (E, 2) at each vertex of `template` (N, 3); 0 where there are none."""
+    lengths = edge_lengths(template, edges)
+    total = sum(np.bincount(ends, lengths, len(template)) for ends in edges.T)
+    return (total / np.maximum(np.bincount(edges.ravel(), minlength=len(template)), 1)).astype(np.float32)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.evaluation.metrics import edge_lengths, signed_distance
+from garmentc.evaluation.metrics import signed_distance
+from garmentc.outfit.topology import edge_lengths
 from garmentc.outfit.topology import edges as edges_of
 from garmentc.simulation.self_crossings import self_crossings
 
