@@ -24,7 +24,7 @@ from garmentc.outfit.align import Alignment, AlignOptions, align
 from garmentc.outfit.align.together import common_gender
 from garmentc.outfit.corners import split_corners
 from garmentc.outfit.obj import read_obj
-from garmentc.outfit.topology import edges, vertex_normals, weld
+from garmentc.outfit.topology import edges, surface_warnings, vertex_normals, weld
 from garmentc.outfit.unwrap import unwrap
 from garmentc.output import check_outputs
 from garmentc.passes.follow_skin import FollowSkin, follow_skin
@@ -152,6 +152,7 @@ def dress_together(sources: Sequence[Inputs], options: CompileOptions) -> tuple[
 def _dressed(alignment: Alignment, motions: tuple[Motion, ...], options: CompileOptions) -> Dressed:
     outfit = unwrap(alignment.outfit, options.unwrap)
     welded = weld(outfit)
+    outfit = replace(outfit, warnings=(*outfit.warnings, *surface_warnings(outfit, welded)))
     return Dressed(alignment, outfit, welded, split_corners(outfit, welded), motions)
 
 
