@@ -94,7 +94,8 @@ def _repeated(triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
     """(F,) whether a triangle has the corners of an earlier one, in the same turn: the back of cloth is no repeat."""
     start = triangles.argmin(axis=1)[:, None]
     turned = np.take_along_axis(triangles, (start + np.arange(3)) % 3, axis=1)
-    return first_equal(turned.astype(np.float64)) != np.arange(len(triangles))
+    repeated: NDArray[np.bool_] = first_equal(turned.astype(np.float64)) != np.arange(len(triangles))
+    return repeated
 
 
 def edges(triangles: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -183,5 +183,5 @@ def _stray_warnings(vertices: NDArray[np.float64], body_vertices: NDArray[np.flo
     strays = beyond > STRAY
     if not strays.any():
         return []
-    message = f"{strays.sum()} vertices lie up to {beyond.max():.3g} m from the body; delete them if they are no part "
+    message = f"{strays.sum()} vertices lie up to {beyond.max():.0f} m from the body; delete them if they are no part "
     return [Diagnostic("outfit-strays", message + "of the outfit, as positions get coarser the further they spread")]
