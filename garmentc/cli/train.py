@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from garmentc.cli.parameters import PATH
+from garmentc.cli.parameters import PATH, Number
 from garmentc.cli.printing import print_warnings
 from garmentc.errors import Diagnostic, GarmentcError
 
@@ -43,7 +43,7 @@ def command() -> None:
 @click.option(
     "--body", "bodies", type=PATH, multiple=True, metavar="FILE", help="Body model of imported data; repeatable."
 )
-@click.option("--time-limit", type=click.FloatRange(min=0), metavar="MINUTES", help="Stop cleanly, save, go on later.")
+@click.option("--time-limit", type=Number(min=0), metavar="MINUTES", help="Stop cleanly, save, go on later.")
 @click.option("--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Of each process.")
 @click.option("--device", type=click.Choice(["cpu", "cuda"]), default="cpu", show_default=True, help="To compute on.")
 @click.option("--measure", default="test", show_default=True, metavar="SPLIT", help="Split to measure for the log.")
