@@ -28,7 +28,7 @@ def command() -> None:
     """Train networks on datasets of simulated outfits, and export them as bundles."""
 
 
-@command.command("deepsd")
+@command.command("deepsd", short_help="Train DeePSD on datasets, by a recipe.")
 @click.option(
     "--data",
     "folders",
@@ -132,7 +132,7 @@ def _finish(trained: Trained, out: Path, show: Callable[[str], None]) -> None:
     show(f"finished after {minutes:.1f} minutes of training; {where}")
 
 
-@command.command("export")
+@command.command("export", short_help="Write the model bundle of a training run.")
 @click.argument("run", type=PATH, metavar="DIR")
 @click.option("-o", "--output", type=PATH, required=True, metavar="BUNDLE", help="Folder of the bundle.")
 @click.option("--fabric", metavar="NAME", help="Fabric that the bundle is for, where the network was told fabrics.")
