@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.emission import emit, file_meshes
-from garmentc.errors import GarmentcError
+from garmentc.errors import Diagnostic, GarmentcError
 from garmentc.families import deepsd
 from garmentc.families.bundle import Bundle, load_bundle
 from garmentc.gltf.meshopt import codec
+from garmentc.gltf.names import unique_names
 from garmentc.layer import Dressed, Inputs, Layer
 from garmentc.options import CompileOptions
 from garmentc.outfit.align import Alignment, AlignOptions, align
@@ -145,8 +146,20 @@ def dress_together(sources: Sequence[Inputs], options: CompileOptions) -> tuple[
     alignments[0] = replace(alignments[0], warnings=(*alignments[0].warnings, *doubts))
     up = None if options.motion_up == "auto" else options.motion_up
     joints = alignments[0].body.joints(alignments[0].betas)
-    motions = tuple(read_motion(path, up, joints) for path in options.motion)
+    motions = _distinct([read_motion(path, up, joints) for path in options.motion])
     return tuple(_dressed(alignment, motions, options) for alignment in alignments)
+
+
+def _distinct(motions: Sequence[Motion]) -> tuple[Motion, ...]:
+    """The motions under different names, as engines find animations by name."""
+    renamed = []
+    for motion, name in zip(motions, unique_names([motion.name for motion in motions], ()), strict=True):
+        if name != motion.name:
+            message = f"another motion has the name '{motion.name}' too; this one's animation is called '{name}'"
+            warning = Diagnostic("motion-renamed", message)
+            motion = replace(motion, name=name, warnings=(*motion.warnings, warning))
+        renamed.append(motion)
+    return tuple(renamed)
 
 
 def _dressed(alignment: Alignment, motions: tuple[Motion, ...], options: CompileOptions) -> Dressed:

@@ -183,5 +183,12 @@ def test_several_motions_become_several_animations(tmp_path: Path, top: Path, mo
     other = tmp_path / "other.npz"
     np.savez(other, poses=sample_poses(3, seed=9).reshape(3, 72), trans=np.zeros((3, 3)), mocap_framerate=10.0)
     output = tmp_path / "a.glb"
-    garmentc.compile_outfit(top, output, gender="female", motion=[motion, other], motion_up="y")
-    assert [animation.name for animation in read_glb(output).animations] == ["steps", "other"]
+    folder = tmp_path / "take2"
+    folder.mkdir()
+    namesake = other.rename(folder / "steps.npz")
+    np.savez(other, poses=sample_poses(3, seed=8).reshape(3, 72), trans=np.zeros((3, 3)), mocap_framerate=10.0)
+    report = garmentc.compile_outfit(top, output, gender="female", motion=[motion, other, namesake], motion_up="y")
+    asset = read_glb(output)
+    assert [animation.name for animation in asset.animations] == ["steps", "other", "steps_2"]
+    assert (asset.extras["fps:steps"], asset.extras["fps:steps_2"]) == (24.0, 10.0)
+    assert [warning.code for warning in report.warnings] == ["motion-renamed"]
