@@ -66,9 +66,9 @@ def test_json_goes_to_stdout_and_warnings_to_stderr(run: CommandLine, tmp_path: 
     (tmp_path / "weave.png").unlink()
     arguments = ["compile", top, "-o", tmp_path / "a.glb", "--gender", "female"]
     result = run(*arguments, "--json")
+    assert result.code == 0, result
     document = json.loads(result.out)
     check_schema(document, "report")
-    assert result.code == 0
     assert result.err.startswith("garmentc: warning: ")
     assert len(result.err.splitlines()) == len(document["warnings"]) == 1
     assert "weave.png" in document["warnings"][0]["message"]
