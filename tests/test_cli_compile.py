@@ -57,6 +57,7 @@ def test_a_compile_reports_what_it_did(run: CommandLine, tmp_path: Path, top: Pa
     assert [stage["name"] for stage in document["stages"]] == ["read", "align", "infer", "optimise", "emit"]
     assert document["outfit"]["materials"] == ["cloth", "hem"]
     assert document["outfit"]["vertices"] == document["outfit"]["welded"] == 1170
+    assert document["outfit"]["texcoords"] == "authored"
     assert document["outfit"]["corners"] > 1170  # split between the materials
     lossy = {step["name"] for step in document["passes"] if step["error"] is not None}
     assert {"limit influences", "reduce blend shapes"} <= lossy
@@ -80,6 +81,24 @@ def test_missing_material_library_is_a_warning(run: CommandLine, tmp_path: Path,
     result = run("compile", top, "-o", tmp_path / "a.glb", "--gender", "female", "-q", "--json")
     assert result.code == 0
     assert any("top.mtl" in entry["message"] for entry in json.loads(result.out)["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("mode", "said", "entry"),
+    [("auto", ", texture coordinates made", "made"), ("never", ", no texture coordinates", "none")],
+)
+def test_made_texture_coordinates_are_reported(
+    run: CommandLine, tmp_path: Path, mode: str, said: str, entry: str
+) -> None:
+    plain, report = tmp_path / "plain.obj", tmp_path / "r.json"
+    plain.write_text("v 0 0.2 0.15\nv 0.1 0.2 0.15\nv 0 0.3 0.15\nf 1 2 3\n")
+    arguments = ["--gender", "female", "--units", "m", "--up", "y", "--front", "z", "--report", report]
+    result = run("compile", plain, "-o", tmp_path / "a.glb", "--unwrap", mode, "--profile", "mobile", *arguments)
+    assert result.code == 0, result
+    assert f"1 triangles{said}" in result.out
+    document = json.loads(report.read_text())
+    check_schema(document, "report")
+    assert document["outfit"]["texcoords"] == entry
 
 
 def test_a_texture_outside_the_folder_needs_a_word(run: CommandLine, tmp_path: Path) -> None:
