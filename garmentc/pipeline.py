@@ -14,17 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.emission import emit, file_meshes
-from garmentc.errors import GarmentcError
+from garmentc.errors import Diagnostic, GarmentcError
 from garmentc.families import deepsd
 from garmentc.families.bundle import Bundle, load_bundle
 from garmentc.gltf.meshopt import codec
+from garmentc.gltf.names import unique_names
 from garmentc.layer import Dressed, Inputs, Layer
 from garmentc.options import CompileOptions
 from garmentc.outfit.align import Alignment, AlignOptions, align
 from garmentc.outfit.align.together import common_gender
 from garmentc.outfit.corners import split_corners
 from garmentc.outfit.obj import read_obj
-from garmentc.outfit.topology import edges, vertex_normals, weld
+from garmentc.outfit.topology import edges, surface_warnings, vertex_normals, weld
 from garmentc.outfit.unwrap import unwrap
 from garmentc.output import check_outputs
 from garmentc.passes.follow_skin import FollowSkin, follow_skin
@@ -146,13 +147,26 @@ def dress_together(sources: Sequence[Inputs], options: CompileOptions) -> tuple[
     alignments[0] = replace(alignments[0], warnings=(*alignments[0].warnings, *doubts))
     up = None if options.motion_up == "auto" else options.motion_up
     joints = alignments[0].body.joints(alignments[0].betas)
-    motions = tuple(read_motion(path, up, joints) for path in options.motion)
+    motions = _distinct([read_motion(path, up, joints) for path in options.motion])
     return tuple(_dressed(alignment, motions, options) for alignment in alignments)
+
+
+def _distinct(motions: Sequence[Motion]) -> tuple[Motion, ...]:
+    """The motions under different names, as engines find animations by name."""
+    renamed = []
+    for motion, name in zip(motions, unique_names([motion.name for motion in motions], ()), strict=True):
+        if name != motion.name:
+            message = f"another motion has the name '{motion.name}' too; this one's animation is called '{name}'"
+            warning = Diagnostic("motion-renamed", message)
+            motion = replace(motion, name=name, warnings=(*motion.warnings, warning))
+        renamed.append(motion)
+    return tuple(renamed)
 
 
 def _dressed(alignment: Alignment, motions: tuple[Motion, ...], options: CompileOptions) -> Dressed:
     outfit = unwrap(alignment.outfit, options.unwrap)
     welded = weld(outfit)
+    outfit = replace(outfit, warnings=(*outfit.warnings, *surface_warnings(outfit, welded)))
     return Dressed(alignment, outfit, welded, split_corners(outfit, welded), motions)
 
 

@@ -10,7 +10,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from garmentc import __version__
 from garmentc.errors import Diagnostic
@@ -60,6 +60,7 @@ class OutfitFacts:
     vertices   of the OBJ
     welded     vertices after merging equal positions: what the networks see
     corners    vertices of the glb, split at seams
+    texcoords  whose the texture coordinates are
     """
 
     vertices: int
@@ -68,6 +69,7 @@ class OutfitFacts:
     corners: int
     materials: tuple[str, ...]
     textures: int
+    texcoords: Literal["authored", "made", "none"]
 
 
 @dataclass(frozen=True)
@@ -260,6 +262,7 @@ def _warnings(layer: Layer) -> tuple[Diagnostic, ...]:
 def _outfit_facts(dressed: Dressed) -> OutfitFacts:
     outfit = dressed.outfit
     textures = {map.name for material in outfit.materials if (map := material.base_color_texture) is not None}
+    made = outfit.texcoords is not dressed.alignment.outfit.texcoords
     return OutfitFacts(
         vertices=len(outfit.vertices),
         triangles=len(outfit.tri_v),
@@ -267,6 +270,7 @@ def _outfit_facts(dressed: Dressed) -> OutfitFacts:
         corners=sum(len(primitive.vertices) for primitive in dressed.corners.primitives),
         materials=tuple(material.name for material in outfit.materials),
         textures=len(textures),
+        texcoords="made" if made else "authored" if (outfit.tri_vt >= 0).any() else "none",
     )
 
 

@@ -269,3 +269,43 @@ def test_makehuman_garments_are_recognised(shared: Path, name: str) -> None:
         assert error.mean() < 0.008
         assert np.percentile(error, 95) < 0.025
         assert found.fit.inside < 0.04
+
+
+@pytest.mark.parametrize("authored", [False, True])
+def test_an_outfit_that_is_inside_out_is_turned_round(authored: bool) -> None:
+    right, _ = cut(load_default_body("female"), SHIRT)
+    if not authored:
+        right = replace(right, tri_vn=np.full_like(right.tri_vn, -1), normals=np.zeros((0, 3)))
+    around = [0, 2, 1]
+    wrong = replace(right, tri_v=right.tri_v[:, around], tri_vt=right.tri_vt[:, around], tri_vn=right.tri_vn[:, around])
+    for normals in (right.normals, -right.normals):  # either may have been turned with the faces
+        found = align(replace(wrong, normals=normals), load_default_body)
+        assert codes(found.warnings) == {"outfit-inside-out"}
+        np.testing.assert_array_equal(found.outfit.tri_v, right.tri_v)
+        np.testing.assert_array_equal(found.outfit.tri_vn, right.tri_vn)
+        np.testing.assert_array_equal(found.outfit.normals, right.normals)
+
+
+def test_a_lining_is_not_turned_round() -> None:
+    shirt, _ = cut(load_default_body("female"), SHIRT)
+    triangles = np.concatenate([shirt.tri_v, shirt.tri_v[:, [0, 2, 1]], shirt.tri_v[:100, [0, 2, 1]]])
+    found = align(outfit_of(shirt.vertices, triangles), load_default_body)
+    np.testing.assert_array_equal(found.outfit.tri_v, triangles)
+    assert found.warnings == ()
+
+
+def test_a_stray_piece_far_away_is_told() -> None:
+    shirt, _ = cut(load_default_body("female"), SHIRT)
+    count = len(shirt.vertices)
+    vertices = np.concatenate([shirt.vertices, [[500, 0, 0], [500, 0.1, 0], [500, 0, 0.1]]])
+    found = align(outfit_of(vertices, [*shirt.tri_v, [count, count + 1, count + 2]]), load_default_body)
+    assert codes(found.warnings) == {"outfit-strays"}
+    assert "3 vertices lie up to 499 m" in found.warnings[0].message
+    np.testing.assert_array_equal(found.outfit.vertices, vertices)
+
+
+@pytest.mark.parametrize("place", [0.0, 100.0])
+def test_faces_that_are_lines_are_no_surface(place: float) -> None:
+    line = np.array([[0.1, 0.2, 0.1], [0.2, 0.2, 0.1], [0.3, 0.2, 0.1]]) + place
+    with pytest.raises(GarmentcError, match="no area"):
+        align(outfit_of(line, [[0, 1, 2]]), load_default_body)

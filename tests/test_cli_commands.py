@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
 import select
 import subprocess
 import sys
@@ -179,3 +180,16 @@ def test_evaluate(run: CommandLine, folder: Path, glb: Path) -> None:
     assert [row["method"] for row in rows] == ["nearest", "compiled"]
     assert all(row["all"]["frames"] == 3 for row in rows)
     assert "| top | compiled | 3 |" in run("evaluate", glb, "--motion", folder / "steps.npz", "--step", "4").out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["pose", "a.glb", "-o", "a.obj", "--time", "nan"],
+        ["evaluate", "a.glb", "--motion", "a.npz", "--open-arms", "nan"],
+        ["diff", "a.glb", "a.glb", "-t", "position=nan"],
+        ["diff", "a.glb", "a.glb", "-t", "position=-1e-5"],
+    ],
+)
+def test_what_is_no_number_is_refused(run: CommandLine, arguments: list[str]) -> None:
+    assert re.search("nan|-1e-05", run.fails(*arguments))

@@ -57,6 +57,7 @@ def test_a_compile_reports_what_it_did(run: CommandLine, tmp_path: Path, top: Pa
     assert [stage["name"] for stage in document["stages"]] == ["read", "align", "infer", "optimise", "emit"]
     assert document["outfit"]["materials"] == ["cloth", "hem"]
     assert document["outfit"]["vertices"] == document["outfit"]["welded"] == 1170
+    assert document["outfit"]["texcoords"] == "authored"
     assert document["outfit"]["corners"] > 1170  # split between the materials
     lossy = {step["name"] for step in document["passes"] if step["error"] is not None}
     assert {"limit influences", "reduce blend shapes"} <= lossy
@@ -66,9 +67,9 @@ def test_json_goes_to_stdout_and_warnings_to_stderr(run: CommandLine, tmp_path: 
     (tmp_path / "weave.png").unlink()
     arguments = ["compile", top, "-o", tmp_path / "a.glb", "--gender", "female"]
     result = run(*arguments, "--json")
+    assert result.code == 0, result
     document = json.loads(result.out)
     check_schema(document, "report")
-    assert result.code == 0
     assert result.err.startswith("garmentc: warning: ")
     assert len(result.err.splitlines()) == len(document["warnings"]) == 1
     assert "weave.png" in document["warnings"][0]["message"]
@@ -80,6 +81,24 @@ def test_missing_material_library_is_a_warning(run: CommandLine, tmp_path: Path,
     result = run("compile", top, "-o", tmp_path / "a.glb", "--gender", "female", "-q", "--json")
     assert result.code == 0
     assert any("top.mtl" in entry["message"] for entry in json.loads(result.out)["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("mode", "said", "entry"),
+    [("auto", ", texture coordinates made", "made"), ("never", ", no texture coordinates", "none")],
+)
+def test_made_texture_coordinates_are_reported(
+    run: CommandLine, tmp_path: Path, mode: str, said: str, entry: str
+) -> None:
+    plain, report = tmp_path / "plain.obj", tmp_path / "r.json"
+    plain.write_text("v 0 0.2 0.15\nv 0.1 0.2 0.15\nv 0 0.3 0.15\nf 1 2 3\n")
+    arguments = ["--gender", "female", "--units", "m", "--up", "y", "--front", "z", "--report", report]
+    result = run("compile", plain, "-o", tmp_path / "a.glb", "--unwrap", mode, "--profile", "mobile", *arguments)
+    assert result.code == 0, result
+    assert f"1 triangles{said}" in result.out
+    document = json.loads(report.read_text())
+    check_schema(document, "report")
+    assert document["outfit"]["texcoords"] == entry
 
 
 def test_a_texture_outside_the_folder_needs_a_word(run: CommandLine, tmp_path: Path) -> None:
@@ -183,5 +202,12 @@ def test_several_motions_become_several_animations(tmp_path: Path, top: Path, mo
     other = tmp_path / "other.npz"
     np.savez(other, poses=sample_poses(3, seed=9).reshape(3, 72), trans=np.zeros((3, 3)), mocap_framerate=10.0)
     output = tmp_path / "a.glb"
-    garmentc.compile_outfit(top, output, gender="female", motion=[motion, other], motion_up="y")
-    assert [animation.name for animation in read_glb(output).animations] == ["steps", "other"]
+    folder = tmp_path / "take2"
+    folder.mkdir()
+    namesake = other.rename(folder / "steps.npz")
+    np.savez(other, poses=sample_poses(3, seed=8).reshape(3, 72), trans=np.zeros((3, 3)), mocap_framerate=10.0)
+    report = garmentc.compile_outfit(top, output, gender="female", motion=[motion, other, namesake], motion_up="y")
+    asset = read_glb(output)
+    assert [animation.name for animation in asset.animations] == ["steps", "other", "steps_2"]
+    assert (asset.extras["fps:steps"], asset.extras["fps:steps_2"]) == (24.0, 10.0)
+    assert [warning.code for warning in report.warnings] == ["motion-renamed"]

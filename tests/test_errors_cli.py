@@ -60,10 +60,11 @@ def _nothing_is_written(tmp_path: Path, output: Path, request: pytest.FixtureReq
         (b"v 0 0 0\nv one 0 0\nv 0 1 0\nf 1 2 3\n", ":2: "),
         (TRIANGLE.encode() + b"f 1 2 3\nv 0 0.1", ":5: "),
         (b"v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n", "no area"),
+        (b"v 0 1000000 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n", "no area"),
     ],
     ids=[
         "empty", "comments", "binary", "no faces", "two corners", "index", "negative index", "texcoord index", "nan",
-        "two numbers", "infinite", "word", "truncated", "flat",
+        "two numbers", "infinite", "word", "truncated", "flat", "far thinner than long",
     ],
 )  # fmt: skip
 def test_obj(run: CommandLine, tmp_path: Path, output: Path, content: bytes, message: str) -> None:
@@ -88,6 +89,9 @@ def test_obj_that_is_not_there(run: CommandLine, tmp_path: Path, output: Path) -
         (["--betas", "1e300"], "people are within about 3"),
         (["--betas", "1,2,3,4,5,6,7,8,9,10,11"], "has 10; leave the rest out"),
         (["--morph-tolerance", "3"], "0.5mm"),
+        (["--morph-tolerance", "..mm"], "0.5mm"),
+        (["--report", "-"], "'-' is no file"),
+        (["--report", ""], "is empty"),
         (["--influences", "5"], "'4', '8'"),
         (["--profile", "huge"], "'mobile', 'web', 'desktop', 'reference'"),
         (["--morphs", "4", "--morph-tolerance", "1mm"], "choose one"),

@@ -227,10 +227,11 @@ def test_the_viewer_brings_the_three_js_that_the_engines_are_tested_with() -> No
     assert re.search(rf"""=["`']{revision}["`']""", (viewer / "three.bundle.js").read_text(encoding="utf-8"))
 
 
-def test_names_cannot_break_out_of_a_page(moving: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["<script>alert(1)<", "{asset}{content}"])
+def test_names_cannot_break_out_of_a_page(moving: Path, tmp_path: Path, name: str) -> None:
     from garmentc.cli import main
 
-    evil = tmp_path / "<script>alert(1)<.glb"
+    evil = tmp_path / f"{name}.glb"
     shutil.copy(moving, evil)
     out = tmp_path / "page.html"
     assert main(["preview", str(evil), "-o", str(out), "-q"]) == 0

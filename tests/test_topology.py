@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from garmentc.errors import GarmentcError
 from garmentc.outfit.outfit import Material, Outfit
-from garmentc.outfit.topology import components, corner_angles, edges, vertex_normals, weld
+from garmentc.outfit.topology import components, corner_angles, edges, surface_warnings, vertex_normals, weld
 
 
 def outfit_of(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> Outfit:
@@ -142,3 +144,23 @@ def test_unwelded_garment_welds_like_the_original(shared: Path) -> None:
 def test_tiny_meshes(faces: int) -> None:
     welded = weld(outfit_of(np.eye(3), np.array([[0, 1, 2]])[:faces].reshape(-1, 3)))
     assert len(welded.vertices) == 3 * faces
+
+
+def test_triangles_that_weld_to_nothing_or_repeat_others_are_told() -> None:
+    points, triangles = grid(4)
+    twin = len(points)  # at the place of vertex 0
+    added = [[0, 1, twin], [1, 1, 2], *np.roll(triangles[3:5], 1, axis=1), triangles[6][::-1]]
+    outfit = outfit_of(np.concatenate([points, points[:1]]), np.concatenate([triangles, added]))
+    outfit = replace(outfit, face_line=np.arange(len(outfit.tri_v), dtype=np.int32) + 1)
+    collapsed, duplicate = surface_warnings(outfit, weld(outfit))
+    assert (collapsed.code, collapsed.line) == ("weld.collapsed", len(triangles) + 1)
+    assert collapsed.message.startswith("1 triangle(s)")  # one that uses a vertex twice is the reader's to tell
+    assert (duplicate.code, duplicate.line) == ("weld.duplicate", len(triangles) + 3)
+    assert duplicate.message.startswith("2 triangle(s)")  # one that is turned round is the cloth's other side
+    assert surface_warnings(outfit_of(points, triangles), weld(outfit_of(points, triangles))) == ()
+
+
+def test_nothing_left_after_welding_is_an_error() -> None:
+    outfit = outfit_of(np.array([[0, 1e6, 0], [1, 0, 0], [1, 1, 0]]), np.array([[0, 1, 2]]))
+    with pytest.raises(GarmentcError, match=r"x.obj: no triangle has three corners at different places"):
+        surface_warnings(outfit, weld(outfit))

@@ -54,7 +54,7 @@ def commands() -> None:
 
     In goes an outfit OBJ and SMPL parameters; out comes one skinned and morphed .glb that any engine loads.
 
-    Exit codes: 0 clean, 1 findings (diff, validate), 2 failure.
+    Exit codes: 0 clean, 1 findings (diff, validate, dataset check), 2 failure.
     """
 
 

@@ -103,10 +103,12 @@ def _summary(report: CompileReport) -> str:
 
 def _layer(layer: CompileReport | LayerFacts, named: bool) -> list[tuple[str, str]]:
     """How one outfit was recognised, and what the passes did with it."""
+    outfit = layer.outfit
+    texcoords = {"authored": "", "made": ", texture coordinates made", "none": ", no texture coordinates"}
     return [
         *([(Path(layer.input.path).name, "")] if named else []),
         ("recognised", layer.alignment.summary),
-        ("outfit", f"{layer.outfit.vertices} vertices, {layer.outfit.triangles} triangles"),
+        ("outfit", f"{outfit.vertices} vertices, {outfit.triangles} triangles{texcoords[outfit.texcoords]}"),
         *((step.name, f"{step.detail}; {step.error}" if step.error else step.detail) for step in layer.passes),
     ]
 

@@ -24,7 +24,7 @@ def command() -> None:
     """Check, draw and import datasets of outfits in motion."""
 
 
-@command.command("check")
+@command.command("check", short_help="Read every file: hashes, splits, statistics.")
 @click.argument("folder", type=PATH, metavar="DIR")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
@@ -78,7 +78,7 @@ def _row(group: GroupStatistics) -> tuple[object, ...]:
     )
 
 
-@command.command("preview")
+@command.command("preview", short_help="Draw a frame each of some sequences.")
 @click.argument("folder", type=PATH, metavar="DIR")
 @click.option("-o", "--output", type=PATH, required=True, metavar="SHEET.png", help="Picture to write.")
 @click.option("--count", type=click.IntRange(1, 200), default=24, show_default=True, help="How many sequences.")
@@ -92,7 +92,7 @@ def preview(folder: Path, output: Path, count: int) -> None:
     write_preview(open_dataset(folder), output, count)
 
 
-@command.command("import")
+@command.command("import", short_help="Turn CLOTH3D or TailorNet's dataset into one of these.")
 @click.argument("layout", type=click.Choice(["cloth3d", "tailornet"]))
 @click.argument("source", type=PATH, metavar="DIR")
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Dataset folder to make.")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import click
 
-from garmentc.cli.parameters import PATH
+from garmentc.cli.parameters import PATH, Number
 from garmentc.cli.printing import print_json, print_warnings, progress
 from garmentc.errors import Diagnostic
 from garmentc.options import Gender, ProfileName
@@ -36,7 +36,12 @@ _ON_A_DATASET = ("split", "profiles", "frames", "outfits", "workers", "output", 
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
 @click.option("--motion", "motions", type=PATH, multiple=True, help="Of a .glb: motion file; repeatable.")
 @click.option("--step", type=click.IntRange(min=1), help="Of a .glb: measure every n-th frame.  [default: 10]")
-@click.option("--open-arms", type=float, metavar="DEGREES", help="Of a .glb: open the arms by this much.  [default: 0]")
+@click.option(
+    "--open-arms",
+    type=Number(-180, 180),
+    metavar="DEGREES",
+    help="Of a .glb: open the arms by this much.  [default: 0]",
+)
 @click.option("--gender", type=click.Choice(get_args(Gender)[1:]), help="Of a .glb: body, where the file does not say.")
 @click.option("--data", type=PATH, metavar="DIR", help="Dataset that bundles are measured on.")
 @click.option("--split", help="Of the dataset: train, test, test_outfits or test_motions.  [default: test]")

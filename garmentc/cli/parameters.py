@@ -2,16 +2,38 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
 
 import click
 
-PATH = click.Path(path_type=Path)
-"""A path as typed; whether it can be read or written is for the code that does it to say."""
+
+class FilePath(click.Path):
+    """A path as typed; whether it can be read or written is for the code that does it to say."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if not str(value):
+            self.fail("is empty; name a file", param, ctx)
+        if str(value) == "-":
+            self.fail("'-' is no file; name one ('./-' where it is called so)", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH = FilePath(path_type=Path)
 
 _METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+
+
+class Number(click.FloatRange):
+    """A number within bounds; NaN, which is within all, is none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        number = float(super().convert(value, param, ctx))
+        if math.isnan(number):
+            self.fail(f"'{value}' is no number", param, ctx)
+        return number
 
 
 class Length(click.ParamType[float]):
@@ -20,7 +42,7 @@ class Length(click.ParamType[float]):
     name = "length"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        match = re.fullmatch(r"\s*([0-9.]+(?:e-?[0-9]+)?)\s*(mm|cm|m)\s*", str(value))
+        match = re.fullmatch(r"\s*((?:\d+\.?\d*|\.\d+)(?:e-?\d{1,2})?)\s*(mm|cm|m)\s*", str(value))
         if match is None:
             self.fail(f"'{value}' is no length; write a number and mm, cm or m, such as 0.5mm", param, ctx)
         return float(match[1]) * _METRES[match[2]]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from garmentc.cli.parameters import PATH
+from garmentc.cli.parameters import PATH, Number
 from garmentc.cli.printing import print_json
 from garmentc.errors import GarmentcError
 
@@ -23,7 +23,7 @@ DEFAULT_FPS = 30.0
 @click.argument("glb", type=PATH, metavar="ASSET.glb")
 @click.option("-o", "--output", type=PATH, metavar="OUT.obj|ply", required=True, help="File to write.")
 @click.option("--frame", type=click.IntRange(min=0), metavar="N", help="Frame of the animation, from 0.")
-@click.option("--time", type=click.FloatRange(min=0), metavar="SECONDS", help="Time in the animation.")
+@click.option("--time", type=Number(min=0), metavar="SECONDS", help="Time in the animation.")
 @click.option("--params", type=PATH, metavar="FILE", help="Pose in a .json or .npz file.")
 @click.option(
     "--animation", type=click.IntRange(min=0), default=0, show_default=True, metavar="INDEX", help="Which animation."

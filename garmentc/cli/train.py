@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from garmentc.cli.parameters import PATH
+from garmentc.cli.parameters import PATH, Number
 from garmentc.cli.printing import print_warnings
 from garmentc.errors import Diagnostic, GarmentcError
 
@@ -28,7 +28,7 @@ def command() -> None:
     """Train networks on datasets of simulated outfits, and export them as bundles."""
 
 
-@command.command("deepsd")
+@command.command("deepsd", short_help="Train DeePSD on datasets, by a recipe.")
 @click.option(
     "--data",
     "folders",
@@ -43,7 +43,7 @@ def command() -> None:
 @click.option(
     "--body", "bodies", type=PATH, multiple=True, metavar="FILE", help="Body model of imported data; repeatable."
 )
-@click.option("--time-limit", type=click.FloatRange(min=0), metavar="MINUTES", help="Stop cleanly, save, go on later.")
+@click.option("--time-limit", type=Number(min=0), metavar="MINUTES", help="Stop cleanly, save, go on later.")
 @click.option("--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Of each process.")
 @click.option("--device", type=click.Choice(["cpu", "cuda"]), default="cpu", show_default=True, help="To compute on.")
 @click.option("--measure", default="test", show_default=True, metavar="SPLIT", help="Split to measure for the log.")
@@ -132,7 +132,7 @@ def _finish(trained: Trained, out: Path, show: Callable[[str], None]) -> None:
     show(f"finished after {minutes:.1f} minutes of training; {where}")
 
 
-@command.command("export")
+@command.command("export", short_help="Write the model bundle of a training run.")
 @click.argument("run", type=PATH, metavar="DIR")
 @click.option("-o", "--output", type=PATH, required=True, metavar="BUNDLE", help="Folder of the bundle.")
 @click.option("--fabric", metavar="NAME", help="Fabric that the bundle is for, where the network was told fabrics.")

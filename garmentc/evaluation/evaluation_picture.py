@@ -15,15 +15,12 @@ from garmentc.evaluation.metrics import MILLIMETRES
 from garmentc.evaluation.outfit_scores import body_of, simulated, trimmed
 from garmentc.evaluation.representative import Representative, shown_method
 from garmentc.outfit.topology import vertex_normals
-from garmentc.preview.camera import Camera, view_axes
-from garmentc.preview.material import Material
 from garmentc.preview.render import BACKGROUND, light_scene, render
+from garmentc.preview.simulated import cloth_surface, front_camera, garment_colors
 from garmentc.preview.surface import Scene, Surface
-from garmentc.preview.texture import srgb_to_linear
 from garmentc.preview.worn import CLAY
 from garmentc.simulation.dataset import Dataset
 from garmentc.simulation.sequence import Sample
-from garmentc.smpl.rotations import axis_angle_to_matrix
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -36,11 +33,7 @@ FULL_SCALE = 100.0
 
 _CAPTION = 22
 _TEXT = 14
-_MARGIN = 1.06
-_TURN, _PITCH = np.radians(25.0), np.radians(8.0)
 _PAPER = tuple(round(255 * value) for value in BACKGROUND)
-_MATT = Material(roughness=1.0)
-_CLOTH = np.array([[0.27, 0.43, 0.71], [0.75, 0.31, 0.27], [0.35, 0.59, 0.35], [0.75, 0.63, 0.31]])
 _HEAT = np.array([[0.16, 0.24, 0.55], [0.10, 0.55, 0.65], [0.95, 0.90, 0.35], [0.93, 0.45, 0.15], [0.65, 0.05, 0.10]])
 
 
@@ -83,10 +76,8 @@ def _row(evaluation: DatasetEvaluation, shown: Representative, dataset: Dataset,
     predicted = shown_method(evaluation).posed_template(sequence, body, body_file)(pose)
     skin = body.posed(pose, sequence.betas)
     error = MILLIMETRES * np.linalg.norm(predicted - target, axis=1)
-    part = np.zeros(len(target), np.intp)
-    part[sequence.faces] = sequence.triangle_part[:, None]
-    cloth = _CLOTH[part % len(_CLOTH)]
-    camera = _camera(np.concatenate([skin, target, predicted]), pose)
+    cloth = garment_colors(sequence)
+    camera = front_camera(np.concatenate([skin, target, predicted]), pose, CELL)
     inside = Surface(skin, vertex_normals(skin, body.faces), body.faces, CLAY)
     views = (
         ("simulated", target, cloth),
@@ -104,21 +95,10 @@ def _row(evaluation: DatasetEvaluation, shown: Representative, dataset: Dataset,
     )
     for column, (title, vertices, colors) in enumerate(views):
         draw.text((column * CELL[0] + 6, _CAPTION + 2), title, fill="gray")
-        normals = vertex_normals(vertices, sequence.faces)
-        outside = Surface(vertices, normals, sequence.faces, _MATT, colors=srgb_to_linear(colors))
+        outside = cloth_surface(vertices, sequence.faces, colors)
         picture = render(light_scene(Scene((inside, outside))), camera)
         row.paste(image_module.fromarray(picture), (column * CELL[0], 2 * _CAPTION))
     return row
-
-
-def _camera(points: NDArray[np.float64], pose: NDArray[np.float64]) -> Camera:
-    """All points from the front, whichever way the pelvis faces, a little from above and from the side."""
-    front = axis_angle_to_matrix(pose[0])[:, 2]
-    axes = view_axes(np.arctan2(front[0], front[2]), _TURN, _PITCH)
-    seen = points @ axes.T
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    scale = (np.array(CELL) / (high - low)[:2]).min() / _MARGIN
-    return Camera(axes, (low + high) / 2 @ axes, float(scale), CELL)
 
 
 def _legend(width: int) -> Image:

@@ -143,12 +143,11 @@ def _key_network(model: Any, manifest: dict[str, Any], path: Path) -> KeyNetwork
             raise GarmentcError(f"constant '{name}' is not {dimensions}-D float32 of finite numbers", path)
         return value
 
-    layers = [
+    layers = tuple(
         DenseLayer(constant(entry["weight"], 2), constant(entry["bias"], 1), entry["activation"])
         for entry in manifest["key_layers"]
-    ]
+    )
     rest = constant(manifest["rest_keys"], 1)
-    layers.append(DenseLayer(np.eye(len(rest), dtype=np.float32), -rest))
     encoding = manifest["pose_encoding"]
     sizes = [ENCODING_WIDTHS[encoding], *(len(layer.bias) for layer in layers)]
     for inputs, outputs, layer in zip(sizes[:-1], sizes[1:], layers, strict=True):
@@ -158,11 +157,13 @@ def _key_network(model: Any, manifest: dict[str, Any], path: Path) -> KeyNetwork
                 f"where {outputs}x{inputs} is needed",
                 path,
             )
-    if sizes[-1] != manifest["keys"]:
-        raise GarmentcError(f"makes {sizes[-1]} keys, but the manifest says {manifest['keys']}", path)
-    at_rest = KeyNetwork(tuple(layers[:-1]), encoding)(np.zeros((JOINT_COUNT, 3)))
+    if {sizes[-1], len(rest)} != {manifest["keys"]}:
+        raise GarmentcError(
+            f"makes {sizes[-1]} keys and has {len(rest)} at rest, but the manifest says {manifest['keys']}", path
+        )
+    at_rest = KeyNetwork(layers, encoding)(np.zeros((JOINT_COUNT, 3)))
     if not np.allclose(rest, at_rest, rtol=1e-3, atol=1e-5):
         raise GarmentcError(
             f"constant '{manifest['rest_keys']}' is not what the keys are at rest; export it again", path
         )
-    return KeyNetwork((*layers[:-1], resting_layer(np.eye(len(rest)), at_rest)), encoding)
+    return KeyNetwork((*layers, resting_layer(np.eye(len(rest)), at_rest)), encoding)

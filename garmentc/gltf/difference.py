@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from garmentc.errors import GarmentcError
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,8 @@ class DiffTolerances:
     key          morph weights, animated or from the pose-key network
     material     every number of a material
     time         seconds: duration of animations
+
+    Raises GarmentcError for one that is negative or no number. Infinity means: not compared.
     """
 
     position: float = 1e-5
@@ -34,6 +38,11 @@ class DiffTolerances:
     key: float = 1e-3
     material: float = 1e-5
     time: float = 1e-4
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if not value >= 0:
+                raise GarmentcError(f"the tolerance {name} is {value}; give 0 or more")
 
 
 @dataclass(frozen=True)

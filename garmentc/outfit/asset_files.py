@@ -74,7 +74,7 @@ class AssetFolder:
 
     def _outside(self, name: str, named_in: Path, line: int) -> GarmentcError:
         base = _base_name(name)
-        beside = os.path.isfile(self.root / base)  # noqa: PTH113
+        beside = base != name and os.path.isfile(self.root / base)  # noqa: PTH113
         remedy = f"change it to '{base}', which lies there" if beside else "copy the file there and name it alone"
         return GarmentcError(
             f"'{name}' lies outside the OBJ's folder; {remedy}, or pass --allow-external-textures", named_in, line

@@ -44,7 +44,11 @@ def load_materials(
     if undefined:
         listed = ", ".join(f"'{name}'" for name in undefined[:5]) + (", ..." if len(undefined) > 5 else "")
         where = "in no material library" if libraries else "nowhere, as the file names no material library (mtllib)"
-        message = f"material {listed} is defined {where}; a plain one is used"
+        message = (
+            f"material {listed} is defined {where}; a plain one is used"
+            if len(undefined) == 1
+            else f"materials {listed} are defined {where}; plain ones are used"
+        )
         warnings.append(Diagnostic("mtl.undefined", message, str(obj)))
     return tuple(materials), (*warnings, *maps.warnings)
 

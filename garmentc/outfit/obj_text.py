@@ -103,6 +103,6 @@ def _refuse_binary(path: Path, data: bytes) -> None:
         raise GarmentcError("is UTF-16 or UTF-32 text; save it as UTF-8", path)
     for magic, kind in _MAGIC:
         if data.startswith(magic):
-            raise GarmentcError(f"looks binary (a {kind}); give a Wavefront OBJ text file", path)
+            raise GarmentcError(f"looks binary (a {kind}); give a text file", path)
     if b"\0" in data:
-        raise GarmentcError("looks binary; give a Wavefront OBJ text file (UTF-8)", path)
+        raise GarmentcError("looks binary; give a text file (UTF-8)", path)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.errors import Diagnostic, GarmentcError
 from garmentc.outfit.outfit import Outfit
 
 WELD_TOLERANCE = 1e-6
@@ -57,6 +58,44 @@ def weld(outfit: Outfit, tolerance: float = WELD_TOLERANCE) -> Welded:
     vertex_of[index] = number[place]
     triangles = vertex_of[outfit.tri_v]
     return Welded(vertex_of, points[kept], triangles[_proper(triangles)])
+
+
+def surface_warnings(outfit: Outfit, welded: Welded) -> tuple[Diagnostic, ...]:
+    """Warnings of triangles that lost their area by welding, and so are left out, and of triangles that repeat others.
+
+    Raises GarmentcError where no triangle is left at all.
+    """
+    if not len(welded.triangles):
+        raise GarmentcError(
+            "no triangle has three corners at different places, as places closer than a millionth of the outfit's size "
+            "are one; remove what lies far away, or export more decimals",
+            outfit.path,
+        )
+    corner_vertex = welded.vertex_of[outfit.tri_v]
+    proper = _proper(corner_vertex)
+    repeated = np.zeros(len(proper), dtype=bool)
+    repeated[proper] = _repeated(welded.triangles)
+    found = (
+        ("weld.collapsed", _proper(outfit.tri_v) & ~proper, "have two corners at one place; they are left out"),
+        ("weld.duplicate", repeated, "lie exactly on others and are drawn twice; remove doubles and export again"),
+    )
+    return tuple(
+        Diagnostic(code, f"{chosen.sum()} triangle(s) {what}", str(outfit.path), _first_line(outfit, chosen))
+        for code, chosen, what in found
+        if chosen.any()
+    )
+
+
+def _first_line(outfit: Outfit, chosen: NDArray[np.bool_]) -> int:
+    return int(outfit.face_line[outfit.tri_face[np.argmax(chosen)]])
+
+
+def _repeated(triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """(F,) whether a triangle has the corners of an earlier one, in the same turn: the back of cloth is no repeat."""
+    start = triangles.argmin(axis=1)[:, None]
+    turned = np.take_along_axis(triangles, (start + np.arange(3)) % 3, axis=1)
+    repeated: NDArray[np.bool_] = first_equal(turned.astype(np.float64)) != np.arange(len(triangles))
+    return repeated
 
 
 def edges(triangles: NDArray[np.int32]) -> NDArray[np.int32]:

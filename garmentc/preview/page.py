@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -59,17 +60,14 @@ def write_page(asset: GlbAsset, body: BodyModel | None, betas: NDArray[Any] | No
         "body": None if body is None else _body(body, betas),
     }
     parts = {
-        "{title}": html.escape(asset.path.stem),
-        "{style}": (_VIEWER / "style.css").read_text(encoding="utf-8"),
-        "{imports}": json.dumps({"imports": {name: _module(file) for name, file in _MODULES.items()}}),
-        "{content}": json.dumps(content, ensure_ascii=False).replace("<", "\\u003c"),  # no tag may end the element
-        "{asset}": _base64(asset.path.read_bytes()),
+        "title": html.escape(asset.path.stem),
+        "style": (_VIEWER / "style.css").read_text(encoding="utf-8"),
+        "imports": json.dumps({"imports": {name: _module(file) for name, file in _MODULES.items()}}),
+        "content": json.dumps(content, ensure_ascii=False).replace("<", "\\u003c"),  # no tag may end the element
+        "asset": _base64(asset.path.read_bytes()),
     }
-    page = (_VIEWER / "page.html").read_text(encoding="utf-8")
-    for place, part in parts.items():
-        before, after = page.split(place)
-        page = before + part + after
-    data = page.encode("utf-8")
+    frame = (_VIEWER / "page.html").read_text(encoding="utf-8")
+    data = re.sub(rf"\{{({'|'.join(parts)})\}}", lambda place: parts[place[1]], frame).encode("utf-8")
     with written_whole(path) as file:
         file.write(data)
     return len(data)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from garmentc.errors import GarmentcError
+from garmentc.outfit.topology import vertex_normals
 from garmentc.output import written_whole
+from garmentc.preview.render import light_scene, render
+from garmentc.preview.simulated import cloth_surface, front_camera, garment_colors
+from garmentc.preview.surface import Scene, Surface
+from garmentc.preview.worn import CLAY
 from garmentc.simulation.dataset import Dataset
 from garmentc.simulation.sequence import Sample, Sequence
 from garmentc.smpl.default_body import load_default_body
-from garmentc.smpl.rotations import axis_angle_to_matrix
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -26,16 +29,8 @@ _CAPTION = 34
 _HEIGHT = 2.1
 """Metres that the height of a picture shows."""
 
-_VIEW = axis_angle_to_matrix(np.array([0.15, 0.0, 0.0])) @ axis_angle_to_matrix(np.array([0.0, -0.5, 0.0]))
-_LIGHT = np.array([0.3, 0.5, 0.8]) / np.linalg.norm([0.3, 0.5, 0.8])
 _BEHIND = 0.03
-"""Metres that skin is painted further away than it is: coarse cloth close to it would else be spotted with skin."""
-
-_BEFORE = 0.01
-"""Metres that each further layer is painted nearer than it is, likewise."""
-
-_SKIN = (205, 185, 170)
-_CLOTH = ((70, 110, 180), (190, 80, 70), (90, 150, 90), (190, 160, 80))
+"""Metres that skin is drawn further away than it is: coarse cloth close to it would else be spotted with skin."""
 
 
 def write_preview(dataset: Dataset, path: Path, count: int = 24) -> None:
@@ -69,45 +64,31 @@ def _typical(sequence: Sequence) -> Sample:
 
 
 def _picture(sample: Sample) -> Image:
-    """The outfit on its body, painted from far to near, with a caption."""
+    """The outfit on its body, with a caption."""
     from PIL import Image as image_module
     from PIL import ImageDraw
 
     sequence = sample.sequence
-    colors = np.asarray(_CLOTH, float)[sequence.triangle_part % len(_CLOTH)]
-    corners = sample.vertices[sequence.faces].astype(np.float64)
-    middle = (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2
-    body = _body(sample)
-    if body is not None:
-        corners = np.concatenate([body, corners])
-        colors = np.concatenate([np.broadcast_to(np.asarray(_SKIN, float), (len(body), 3)), colors])
-        middle = (body.reshape(-1, 3).min(axis=0) + body.reshape(-1, 3).max(axis=0)) / 2
-    seen = (corners - middle) @ _VIEW.T
-    normal = np.cross(seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    shade = 0.35 + 0.65 * np.abs(normal @ _LIGHT)
-    scale = CELL[1] / _HEIGHT
-    pixels = seen[:, :, :2] * [scale, -scale] + np.array(CELL) / 2
-    fill = np.clip(colors * shade[:, None], 0, 255).astype(int)
+    cloth = sample.vertices.astype(np.float64)
+    skin = _skin(sample)
+    inside = () if skin is None else (skin,)
+    scene = Scene((*inside, cloth_surface(cloth, sequence.faces, garment_colors(sequence))))
+    middle = cloth if skin is None else skin.positions
+    camera = front_camera(middle, sample.pose, CELL, CELL[1] / _HEIGHT)
     image = image_module.new("RGB", (CELL[0], CELL[1] + _CAPTION), "white")
-    draw = ImageDraw.Draw(image)
-    depth = seen[:, :, 2].mean(axis=1)
-    depth[: len(depth) - len(sequence.faces)] -= _BEHIND
-    depth[len(depth) - len(sequence.faces) :] += _BEFORE * sequence.triangle_part
-    for triangle in np.argsort(depth, kind="stable"):
-        draw.polygon([tuple(point) for point in pixels[triangle].tolist()], fill=tuple(fill[triangle].tolist()))
+    image.paste(image_module.fromarray(render(light_scene(scene), camera)))
     facts = sequence.facts
-    draw.rectangle((0, CELL[1], *np.array(image.size).tolist()), fill="white")
+    draw = ImageDraw.Draw(image)
     draw.text((4, CELL[1] + 2), f"{facts.name} #{sample.frame}", fill="black")
     draw.text((4, CELL[1] + 16), f"{facts.category}, {facts.fabric}, {len(sequence.template)} v", fill="black")
     return image
 
 
-def _body(sample: Sample) -> NDArray[Any] | None:
-    """Triangles (F, 3, 3) of the posed body, where it is a default one."""
+def _skin(sample: Sample) -> Surface | None:
+    """The posed body, where it is a default one."""
     facts = sample.sequence.facts
     body = load_default_body(facts.gender)
     if facts.body != body.name:
         return None
-    posed = body.posed(sample.pose, sample.sequence.betas, sample.trans)
-    return np.asarray(posed[body.faces])
+    posed = body.posed(sample.pose, sample.sequence.betas, sample.trans).astype(np.float64)
+    return Surface(posed, vertex_normals(posed, body.faces), body.faces, CLAY, behind=_BEHIND)

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from garmentc.errors import Diagnostic, GarmentcError
 from garmentc.outfit.align.axes import Frame
 from garmentc.outfit.align.choose import choose_gender, choose_guesses, gender_misfits
-from garmentc.outfit.align.fit import Fit, measure_fit, sample_cloth
+from garmentc.outfit.align.fit import Fit, measure_fit, sample_cloth, surface_area
 from garmentc.outfit.align.options import AlignOptions
 from garmentc.outfit.align.origins import FITTED
 from garmentc.outfit.align.pose import arms_lowered
+from garmentc.outfit.align.sides import INSIDE_OUT, facing_skin, turned_round
 from garmentc.outfit.align.skin import RestBody
 from garmentc.outfit.align.unpose import unpose
 from garmentc.outfit.outfit import Outfit
@@ -35,11 +36,11 @@ SAMPLE = 600
 MEASURED = 5_000
 """Vertices at most that the reported fit is measured at."""
 
-LOOSE = 0.08
-"""Metres: an outfit with a larger median gap doesn't fit the body."""
+STRAY = 3.0
+"""Metres from the body's bounding box that no train or cape reaches."""
 
-SUNK = 0.4
-"""Nor does one with a larger share of its vertices inside."""
+_NO_AREA = 1e-12
+"""A surface smaller than this part of its extent squared is lines and points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +113,10 @@ def align(
     rest_bodies = _rest_bodies(bodies, options)
     if not len(outfit.tri_v):
         raise GarmentcError("the outfit has no faces; export its surface too", outfit.path)
-    cloth = sample_cloth(outfit.vertices, outfit.tri_v, SAMPLE)
-    if not cloth.radius > 0:
+    extent = np.linalg.norm(np.ptp(outfit.vertices[outfit.tri_v.ravel()], axis=0))
+    if not surface_area(outfit.vertices, outfit.tri_v) > _NO_AREA * extent**2:
         raise GarmentcError("all faces of the outfit have no area; export it again", outfit.path)
+    cloth = sample_cloth(outfit.vertices, outfit.tri_v, SAMPLE)
 
     guesses, frame_warnings = choose_guesses(cloth, rest_bodies, options)
     misfits = gender_misfits(guesses, cloth, rest_bodies)
@@ -129,7 +131,13 @@ def align(
     used = np.zeros(len(aligned.vertices), dtype=bool)
     used[aligned.tri_v] = True
     fit = measure_fit(aligned.vertices[used], body.surface.vertices, body.model.faces, MEASURED)
-    warnings = (*frame_warnings, *gender_warnings, *_fit_warnings(fit))
+    warnings = [*frame_warnings, *gender_warnings, *_fit_warnings(fit)]
+    if fit.on_body:
+        warnings += _stray_warnings(aligned.vertices[used], body.surface.vertices)
+        if facing_skin(sample_cloth(aligned.vertices, aligned.tri_v, SAMPLE), body.surface) > INSIDE_OUT:
+            aligned = turned_round(aligned)
+            message = "the outfit is inside out (its faces are wound to face the body); they were turned round"
+            warnings.append(Diagnostic("outfit-inside-out", message))
     return Alignment(
         outfit=aligned,
         frame=frame,
@@ -159,7 +167,7 @@ def _rest_bodies(
 
 def _fit_warnings(fit: Fit) -> list[Diagnostic]:
     warnings = []
-    if fit.median_gap > LOOSE or fit.inside > SUNK:
+    if not fit.on_body:
         message = f"the outfit doesn't fit the body: mean gap {fit.mean_gap * 100:.1f} cm, {fit.inside:.0%} inside; "
         warnings.append(
             Diagnostic("outfit-does-not-fit", message + "check --units, --up, --pose, --gender and --betas")
@@ -168,3 +176,12 @@ def _fit_warnings(fit: Fit) -> list[Diagnostic]:
         message = f"{fit.inside:.1%} of the vertices are inside the body by up to {fit.depth * 1000:.1f} mm"
         warnings.append(Diagnostic("outfit-inside-body", message))
     return warnings
+
+
+def _stray_warnings(vertices: NDArray[np.float64], body_vertices: NDArray[np.float64]) -> list[Diagnostic]:
+    beyond = np.maximum(body_vertices.min(axis=0) - vertices, vertices - body_vertices.max(axis=0)).max(axis=1)
+    strays = beyond > STRAY
+    if not strays.any():
+        return []
+    message = f"{strays.sum()} vertices lie up to {beyond.max():.0f} m from the body; delete them if they are no part "
+    return [Diagnostic("outfit-strays", message + "of the outfit, as positions get coarser the further they spread")]

@@ -18,6 +18,12 @@ from garmentc.smpl.nearest import signed_distance
 INSIDE_COST = 4.0
 """A millimetre inside the body is as bad as this many outside."""
 
+LOOSE = 0.08
+"""Metres: an outfit with a larger median gap doesn't fit the body."""
+
+SUNK = 0.4
+"""Nor does one with a larger share of its vertices inside."""
+
 EXPONENT = 0.7
 """Of the power mean: the smaller, the less loose parts matter."""
 
@@ -44,14 +50,18 @@ class ClothSample:
         return ClothSample(self.points[::step], self.normals[::step])
 
 
+def surface_area(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> float:
+    """The area of all triangles, in square file units."""
+    return float(_double_normals(vertices, triangles)[1].sum() / 2)
+
+
 def sample_cloth(vertices: NDArray[np.float64], triangles: NDArray[np.int32], count: int) -> ClothSample:
     """`count` points on the surface, equally spaced along the running sum of triangle areas: no random numbers.
 
     Inside their triangles they follow the R2 sequence (Roberts 2018), folded over the diagonal.
     """
     corners = vertices[triangles]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    double_area = np.linalg.norm(cross, axis=1)
+    cross, double_area = _double_normals(vertices, triangles)
     total = np.cumsum(double_area)
     index = np.arange(count)
     triangle = np.minimum(np.searchsorted(total, (index + 0.5) / count * total[-1]), len(triangles) - 1)
@@ -60,6 +70,15 @@ def sample_cloth(vertices: NDArray[np.float64], triangles: NDArray[np.int32], co
     chosen = corners[triangle]
     points = chosen[:, 0] + u[:, None] * (chosen[:, 1] - chosen[:, 0]) + v[:, None] * (chosen[:, 2] - chosen[:, 0])
     return ClothSample(points, cross[triangle] / np.maximum(double_area[triangle], 1e-300)[:, None])
+
+
+def _double_normals(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(F, 3) normals as long as twice the triangles' area, and (F,) their length."""
+    corners = vertices[triangles]
+    cross: NDArray[np.float64] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return cross, np.linalg.norm(cross, axis=1)
 
 
 def misfit(distance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -99,6 +118,10 @@ class Fit:
     inside: float
     depth: float
     measured: int
+
+    @property
+    def on_body(self) -> bool:
+        return self.median_gap <= LOOSE and self.inside <= SUNK
 
 
 def measure_fit(vertices: NDArray[np.float64], body_vertices: NDArray[Any], faces: NDArray[Any], most: int) -> Fit:
