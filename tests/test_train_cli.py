@@ -66,6 +66,17 @@ def test_a_time_limit_stops_cleanly_and_the_same_command_goes_on(
         assert (tmp_path / "bundle" / name).read_bytes() == (run / "bundle" / name).read_bytes()
 
 
+def test_another_recipe_is_refused_at_once_and_nothing_is_lost(
+    dataset: Dataset, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "recipe.toml").write_text(RECIPE.replace("steps = 6", "steps = 7"))
+    before = (run / "checkpoint.pt").read_bytes()
+    monkeypatch.setattr("garmentc.training.training_data.read_training_data", None)  # data would take minutes
+    assert train(dataset, tmp_path / "recipe.toml", run) == EXIT_FAILURE
+    assert "another recipe (data.steps differ)" in capsys.readouterr().err
+    assert (run / "checkpoint.pt").read_bytes() == before
+
+
 def test_bundles_say_how_they_were_made(dataset: Dataset, run: Path) -> None:
     training = load_bundle(run / "bundle").manifest["training"]
     assert training["data"]["sha256"] == dataset.sha256

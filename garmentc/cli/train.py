@@ -93,10 +93,14 @@ def _train(
     import torch
 
     from garmentc.simulation.dataset import open_dataset
+    from garmentc.training.checkpoint import check_same_recipe, read_checkpoint
     from garmentc.training.train_deepsd import train
     from garmentc.training.training_data import read_training_data
 
     torch.set_num_threads(threads)
+    begun = read_checkpoint(out) if workers.leads else None
+    if begun is not None:  # before the data, whose preparation takes minutes
+        check_same_recipe(begun, recipe, out)
     datasets = [open_dataset(folder) for folder in folders]
     unfinished = [folder for folder, data in zip(folders, datasets, strict=True) if not data.complete]
     if workers.leads:

@@ -75,13 +75,18 @@ def read_checkpoint(folder: Path) -> Checkpoint | None:
         raise GarmentcError(f"is no checkpoint of this version ({error}); train into another folder", path) from None
 
 
-def check_same_run(checkpoint: Checkpoint, recipe: Recipe, data: DataFacts, folder: Path) -> None:
-    """Raise GarmentcError where the run in `folder` was begun with another recipe or other data."""
+def check_same_recipe(checkpoint: Checkpoint, recipe: Recipe, folder: Path) -> None:
+    """Raise GarmentcError where the run in `folder` was begun with another recipe."""
     changed = differences(checkpoint.recipe, recipe)
     if changed:
         raise GarmentcError(
             f"holds a run with another recipe ({', '.join(changed)} differ); choose another --out, or remove it", folder
         )
+
+
+def check_same_run(checkpoint: Checkpoint, recipe: Recipe, data: DataFacts, folder: Path) -> None:
+    """Raise GarmentcError where the run in `folder` was begun with another recipe or other data."""
+    check_same_recipe(checkpoint, recipe, folder)
     if checkpoint.data != data:
         raise GarmentcError(
             "holds a run on other data: the dataset has changed since; choose another --out, or remove it", folder
