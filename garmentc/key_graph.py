@@ -112,17 +112,22 @@ def _encoded(graph: _Graph, encoding: str) -> str:
     return graph.add("Reshape", [joined, graph.constant("encoded_shape", [-1, 3 * JOINT_COUNT], np.int64)], "encoded")
 
 
+def _rodrigues_terms(graph: _Graph, vectors: str) -> tuple[str, str, str]:
+    """a^2, sin a / a and (1 - cos a) / a^2 of axis-angles (..., 3) of length a, each (..., 1)."""
+    squares = graph.add("ReduceSumSquare", [vectors, "last_axis"], "rotation_squares", keepdims=1)
+    floor = graph.add("Max", [squares, "tiny"], "rotation_squares_floor")
+    angle = graph.add("Sqrt", [floor], "rotation_angle")
+    sine = graph.add("Div", [graph.add("Sin", [angle], "sine"), angle], "sine_term")
+    versine = graph.add("Sub", ["one", graph.add("Cos", [angle], "cosine")], "versine")
+    return squares, sine, graph.add("Div", [versine, floor], "versine_term")
+
+
 def _gravity(graph: _Graph, root: str) -> str:
     """Up seen from the pelvis, minus up, from the pelvis' axis-angle r (T, 1, 3) of length a.
 
     Rodrigues' formula for R(-r) y - y:  (1 - cos a) / a^2 (r x (r x y)) - sin a / a (r x y)
     """
-    squares = graph.add("ReduceSumSquare", [root, "last_axis"], "root_squares", keepdims=1)
-    floor = graph.add("Max", [squares, "tiny"], "root_squares_floor")
-    angle = graph.add("Sqrt", [floor], "root_angle")
-    sine = graph.add("Div", [graph.add("Sin", [angle], "sine"), angle], "sine_term")
-    versine = graph.add("Sub", ["one", graph.add("Cos", [angle], "cosine")], "versine")
-    versine = graph.add("Div", [versine, floor], "versine_term")
+    squares, sine, versine = _rodrigues_terms(graph, root)
     cross = graph.add("MatMul", [root, graph.constant("cross_up", [[0, 0, 1], [0, 0, 0], [-1, 0, 0]])], "cross")
     along = graph.add("Mul", [root, _slice(graph, root, 2, 1, 2)], "along")  # r (r . y)
     upward = graph.add("Mul", [squares, graph.constant("up", [0, 1, 0])], "upward")  # (r . r) y
@@ -137,12 +142,7 @@ def _gravity_in_joints(graph: _Graph, short: str) -> str:
     Rodrigues' formula for all local rotations at once, R = 1 + sin a / a K + (1 - cos a) / a^2 K^2 with K the matrix of
     r x; then, level by level of the tree, up in the joint is up in its parent times R: a row vector turned back.
     """
-    squares = graph.add("ReduceSumSquare", [short, "last_axis"], "joint_squares", keepdims=1)
-    floor = graph.add("Max", [squares, "tiny"], "joint_squares_floor")
-    angle = graph.add("Sqrt", [floor], "joint_angle")
-    sine = graph.add("Div", [graph.add("Sin", [angle], "joint_sine"), angle], "joint_sine_term")
-    versine = graph.add("Sub", ["one", graph.add("Cos", [angle], "joint_cosine")], "joint_versine")
-    versine = graph.add("Div", [versine, floor], "joint_versine_term")
+    _, sine, versine = _rodrigues_terms(graph, short)
     as_matrices = graph.constant("matrices", [0, JOINT_COUNT, 3, 3], np.int64)
     as_factors = graph.constant("factors", [0, JOINT_COUNT, 1, 1], np.int64)
     numbers = graph.add("MatMul", [short, graph.constant("cross_matrix", _CROSS_MATRIX)], "cross_numbers")

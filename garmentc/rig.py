@@ -50,20 +50,12 @@ def encode_pose(poses: NDArray[Any], encoding: str = ENCODING_GRAVITY_AXIS_ANGLE
     wrapped = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
     short = np.where(angle > np.pi, poses * (wrapped / np.where(angle > 0, angle, 1)), poses)
     root = axis_angle_to_matrix(short[..., 0, :])
-    # Row 1 of R is R^T e_y: world up seen from the pelvis.
-    return encode_joints(root[..., 1, :], short[..., 1:, :], encoding)
-
-
-def encode_joints(up: NDArray[Any], joints: NDArray[Any], encoding: str) -> NDArray[Any]:
-    """The encoding of world up in the frame of the pelvis (..., 3) and the other joints' axis-angles (..., 23, 3).
-
-    Their angles are at most pi.
-    """
-    numbers = joints
-    rest = np.array([0, 1, 0], dtype=joints.dtype)
+    up = root[..., 1, :]  # row 1 of R is R^T e_y: world up seen from the pelvis
+    rest = np.array([0, 1, 0], dtype=poses.dtype)
+    numbers = joints = short[..., 1:, :]
     if encoding == ENCODING_GRAVITY_JOINTS:
         numbers = np.concatenate([_up_in_joints(up, axis_angle_to_matrix(joints)) - rest, joints], axis=-1)
-    return np.concatenate([up - rest, numbers.reshape(*joints.shape[:-2], -1)], axis=-1)
+    return np.concatenate([up - rest, numbers.reshape(*poses.shape[:-2], -1)], axis=-1)
 
 
 def _up_in_joints(up: NDArray[Any], rotations: NDArray[Any]) -> NDArray[Any]:

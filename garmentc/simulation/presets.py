@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 FABRICS = ("cotton", "silk", "denim", "leather")
 
@@ -83,18 +83,13 @@ WARDROBE = Preset(  # many outfits in short motions: what a network needs to kno
     hold_out=False,
 )
 
-WARDROBE_2 = Preset(  # still shorter, and more of what hangs free, where most of the error is
-    "wardrobe-v2",
+WARDROBE_2 = replace(  # still shorter, and more of what hangs free, where most of the error is
+    WARDROBE,
+    name="wardrobe-v2",
     outfits=190,
-    walks=150,
-    held_out_motions=0,
-    known_motions=1,
-    new_motions=0,
-    known_sampled=18,
     frames=60,
     new_frames=60,
     categories=(*_CLOTHES, "dress", "top", "skirt", "jumpsuit"),
-    hold_out=False,
 )
 
 TSHIRT = Preset(
