@@ -17,6 +17,7 @@ from garmentc.emission import emit, file_meshes
 from garmentc.errors import Diagnostic, GarmentcError
 from garmentc.families import deepsd
 from garmentc.families.bundle import Bundle, load_bundle
+from garmentc.families.held_cloth import held_cloth
 from garmentc.gltf.meshopt import codec
 from garmentc.gltf.names import unique_names
 from garmentc.layer import Dressed, Inputs, Layer
@@ -181,9 +182,11 @@ def _bodies(path: Path | None, gender: str) -> Mapping[str, BodyModel] | Callabl
 def infer(bundle: Bundle, dressed: Dressed, progress: Callable[[int, int], None] = lambda done, total: None) -> Rig:
     """Run the bundle's networks, once: the outfit becomes a rig."""
     vertices, triangles = dressed.welded.vertices, dressed.welded.triangles
-    joints = dressed.alignment.body.joints(dressed.alignment.betas)
+    body, betas = dressed.alignment.body, dressed.alignment.betas
+    joined = edges(triangles)
+    cloth = held_cloth(vertices, joined, body, betas)
     normals = vertex_normals(vertices, triangles)
-    return deepsd.infer(bundle, vertices, normals, triangles, edges(triangles), joints, progress=progress)
+    return deepsd.infer(bundle, vertices, normals, triangles, joined, body.joints(betas), cloth, progress=progress)
 
 
 Pass = Callable[[Rig, PoseSet], tuple[Rig, PassReport]]

@@ -12,6 +12,7 @@ import pytest
 from garmentc.errors import GarmentcError
 from garmentc.families import deepsd
 from garmentc.families.bundle import MANIFEST, load_bundle
+from garmentc.families.held_cloth import HeldCloth
 from garmentc.rig import encode_pose
 from garmentc.smpl.default_body import load_default_body
 from garmentc.smpl.pose_sampler import sample_poses
@@ -47,11 +48,14 @@ def outfit():
     triangles = body.faces
     edges = np.unique(np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0).astype(np.int32)
     normals = body.v_template / np.linalg.norm(body.v_template, axis=1, keepdims=True)
-    return body.v_template, normals, triangles, edges, body.joints()
+    rng = np.random.default_rng(7)
+    firmness, held, skin = rng.random(len(normals)), rng.random(len(normals)), rng.dirichlet(np.ones(24), len(normals))
+    cloth = HeldCloth(*(array.astype(np.float32) for array in (firmness, held, skin)))
+    return body.v_template, normals, triangles, edges, body.joints(), cloth
 
 
 def torch_result(network, outfit):
-    vertices, normals, _, edges, _ = outfit
+    vertices, normals, _, edges, _, cloth = outfit
     count = len(vertices)
     mean = torch.zeros(count, count, dtype=torch.float64)
     mean[edges[:, 0], edges[:, 1]] = 1
@@ -61,7 +65,9 @@ def torch_result(network, outfit):
     exact.load_state_dict(network.state_dict())
     exact = exact.double()
     with torch.no_grad():
-        descriptors = exact.descriptors(torch.from_numpy(vertices), torch.from_numpy(normals), mean)
+        held = torch.from_numpy(np.column_stack([cloth.firmness, cloth.held]).astype(np.float64))
+        skin = torch.from_numpy(cloth.skin.astype(np.float64))
+        descriptors = exact.descriptors(torch.from_numpy(vertices), torch.from_numpy(normals), mean, held, skin)
         shapes = exact.blend_shapes(descriptors).numpy().transpose(1, 0, 2)
         return exact.blend_weights(descriptors).numpy(), shapes
 
@@ -116,12 +122,13 @@ def test_an_outfit_taken_in_pieces_gives_the_same_rig(bundle_path, outfit, monke
 
 
 def test_vertex_order_does_not_matter(bundle_path, outfit):
-    vertices, normals, triangles, edges, joints = outfit
+    vertices, normals, triangles, edges, joints, cloth = outfit
     bundle = load_bundle(bundle_path)
     straight = deepsd.infer(bundle, *outfit)
     order = np.random.default_rng(0).permutation(len(vertices))
     place = np.argsort(order).astype(np.int32)
-    shuffled = deepsd.infer(bundle, vertices[order], normals[order], place[triangles], place[edges], joints)
+    other = HeldCloth(cloth.firmness[order], cloth.held[order], cloth.skin[order])
+    shuffled = deepsd.infer(bundle, vertices[order], normals[order], place[triangles], place[edges], joints, other)
     np.testing.assert_allclose(shuffled.weights, straight.weights[order], atol=1e-6)
     np.testing.assert_allclose(shuffled.blend_shapes, straight.blend_shapes[:, order], atol=1e-5)
 

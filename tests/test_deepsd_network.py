@@ -9,7 +9,7 @@ from train_samples import SMALL_NETWORK
 torch = pytest.importorskip("torch")
 
 from garmentc.training import losses  # noqa: E402
-from garmentc.training.deepsd_network import KEY_SCALE, Deepsd, DeepsdConfig, Descriptors  # noqa: E402
+from garmentc.training.deepsd_network import KEY_SCALE, Deepsd, DeepsdConfig  # noqa: E402
 from garmentc.training.pose_encodings import POSE_ENCODINGS  # noqa: E402
 
 N, T = 30, 7
@@ -24,11 +24,13 @@ def made(**variant: object) -> Deepsd:
     return network
 
 
-def inputs() -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+def inputs() -> tuple[torch.Tensor, ...]:
     rng = np.random.default_rng(0)
     mean = rng.random((N, N)) * (rng.random((N, N)) < 0.2)
     mean /= np.maximum(mean.sum(axis=1, keepdims=True), 1)
-    return tuple(torch.from_numpy(x) for x in (rng.normal(size=(N, 3)), rng.normal(size=(N, 3)), mean))  # type: ignore[return-value]
+    held, skin = rng.random((N, 2)), rng.dirichlet(np.ones(24), N)
+    held[:5, 0], held[5:10, 0] = 1, 0
+    return tuple(torch.from_numpy(x) for x in (rng.normal(size=(N, 3)), rng.normal(size=(N, 3)), mean, held, skin))
 
 
 def features(network: Deepsd) -> torch.Tensor:
@@ -38,24 +40,33 @@ def features(network: Deepsd) -> torch.Tensor:
 def test_heads_see_local_and_global_descriptors_side_by_side() -> None:
     network = made(metadata_width=3)
     metadata = torch.tensor([0.0, 1.0, 0.5], dtype=torch.float64)
-    local, shared = network.descriptors(*inputs(), metadata)
+    descriptors = network.descriptors(*inputs(), metadata)
+    local, shared, firmness, skin = descriptors
     everything = torch.cat([local, shared.expand(N, -1)], dim=1)
     pooled = torch.relu(network.global_layer(local)).amax(dim=0)
     torch.testing.assert_close(shared, torch.cat([pooled, metadata]))
-    torch.testing.assert_close(
-        network.blend_weights(Descriptors(local, shared)), torch.softmax(network.weight_head(everything), dim=1)
-    )
+    learned = torch.softmax(network.weight_head(everything), dim=1)
+    torch.testing.assert_close(network.blend_weights(descriptors), firmness * skin + (1 - firmness) * learned)
     shapes = KEY_SCALE * (network.data_head(everything) + network.physics_head(everything))
-    torch.testing.assert_close(network.blend_shapes(Descriptors(local, shared)), shapes.reshape(N, -1, 3))
+    torch.testing.assert_close(network.blend_shapes(descriptors), ((1 - firmness) * shapes).reshape(N, -1, 3))
+
+
+def test_cloth_that_the_skin_holds_has_its_weights_and_no_shapes() -> None:
+    for variant in ({}, {"deformation": "vertices"}):
+        network = made(**variant)
+        descriptors = network.descriptors(*inputs())
+        torch.testing.assert_close(network.blend_weights(descriptors)[:5], descriptors.skin[:5], rtol=0, atol=0)
+        moved = network.deformations(descriptors, features(network)).abs().amax(dim=(0, 2))
+        assert not moved[:5].any()
+        assert (moved[5:] > 0).all()
 
 
 def test_the_global_descriptor_has_the_gradient_of_a_maximum() -> None:
     network = made()
-    vertices, normals, mean = inputs()
     wanted = torch.randn(12, dtype=torch.float64)
     parameters = [network.global_layer.weight, *network.convolutions.parameters()]
-    whole = network.descriptors(vertices, normals, mean)
-    few = network.descriptors(vertices, normals, mean, rows=torch.tensor([2]))
+    whole = network.descriptors(*inputs())
+    few = network.descriptors(*inputs(), rows=torch.tensor([2]))
     plain = torch.relu(network.global_layer(whole.local)).amax(dim=0)
     expected = torch.autograd.grad((plain * wanted).sum(), parameters, retain_graph=True)
     for ours in (whole, few):
@@ -69,6 +80,7 @@ def test_rows_of_descriptors_are_those_of_the_whole() -> None:
     whole, part = network.descriptors(*inputs()), network.descriptors(*inputs(), rows=rows)
     torch.testing.assert_close(part.local, whole.local[rows])
     torch.testing.assert_close(part.shared, whole.shared)
+    torch.testing.assert_close(network.blend_shapes(part), network.blend_shapes(whole)[rows])
 
 
 @pytest.mark.parametrize("variant", [{}, {"pose_embedding": False}, {"pose_encoding": "gravity_6d"}])
@@ -105,7 +117,9 @@ def test_the_baseline_sees_descriptor_and_pose_side_by_side() -> None:
     descriptors, poses = network.descriptors(*inputs()), features(network)
     keys = KEY_SCALE * network.pose_keys(poses)
     rows = [torch.cat([descriptors.local, descriptors.shared.expand(N, -1), key.expand(N, -1)], dim=1) for key in keys]
-    torch.testing.assert_close(network.deformations(descriptors, poses), network.data_head(torch.stack(rows)))
+    torch.testing.assert_close(
+        network.deformations(descriptors, poses), (1 - descriptors.firmness) * network.data_head(torch.stack(rows))
+    )
 
 
 def test_skinning_alone_has_nothing_else() -> None:

@@ -113,6 +113,7 @@ def test_the_log_is_readable_by_tensorboard(run: Path) -> None:
 
 def test_a_run_is_a_method_of_the_evaluation(dataset: Dataset, run: Path) -> None:
     from garmentc.families import deepsd
+    from garmentc.families.held_cloth import held_cloth
     from garmentc.outfit.topology import edges, vertex_normals
     from garmentc.rig import Rig
     from garmentc.training.run_method import run_method
@@ -123,7 +124,8 @@ def test_a_run_is_a_method_of_the_evaluation(dataset: Dataset, run: Path) -> Non
     bundle = load_bundle(run / f"bundle_{sequence.facts.fabric}")
     template, faces = sequence.template, sequence.faces
     joints = body.joints(sequence.betas.astype(np.float64))
-    rig = deepsd.infer(bundle, template, vertex_normals(template, faces), faces, edges(faces), joints)
+    cloth = held_cloth(template, edges(faces), body, sequence.betas.astype(np.float64))
+    rig = deepsd.infer(bundle, template, vertex_normals(template, faces), faces, edges(faces), joints, cloth)
     four = np.where(rig.weights >= np.sort(rig.weights, axis=1)[:, -4:-3], rig.weights, 0)
     four /= four.sum(axis=1, keepdims=True)
     pruned = Rig(rig.template, rig.triangles, rig.joints, four, rig.blend_shapes, rig.keys)

@@ -18,6 +18,7 @@ from train_samples import SMALL_NETWORK, swinging_patches
 from garmentc.errors import GarmentcError
 from garmentc.families import deepsd
 from garmentc.families.bundle import load_bundle
+from garmentc.families.held_cloth import held_cloth
 from garmentc.outfit.topology import edges, vertex_normals
 from garmentc.simulation.dataset import Dataset
 from garmentc.simulation.plan import make_plan
@@ -106,7 +107,7 @@ def test_targets_are_what_skinning_aims_at() -> None:
 def skinning_of(outfit: SimulatedOutfit) -> Deepsd:
     """A network whose blend weights are the outfit's prior and that deforms nothing."""
     network = Deepsd(DeepsdConfig(**SMALL_NETWORK, deformation="none"))  # type: ignore[arg-type]
-    network.blend_weights = lambda descriptors: outfit.sample.prior  # type: ignore[method-assign]
+    network.blend_weights = lambda descriptors: outfit.sample.skin  # type: ignore[method-assign]
     return network
 
 
@@ -208,9 +209,9 @@ def test_a_bundle_moves_an_outfit_as_the_network_does(
     body = load_default_body("female")
     vertices, triangles = body.shaped()[:2000], body.faces[(body.faces < 2000).all(axis=1)]
     sample = make_sample("skin", vertices, triangles, PosableBody.of(body, np.zeros(10)))
-    rig = deepsd.infer(
-        load_bundle(tmp_path), vertices, vertex_normals(vertices, triangles), triangles, edges(triangles), body.joints()
-    )
+    joined, normals = edges(triangles), vertex_normals(vertices, triangles)
+    cloth = held_cloth(vertices, joined, body)
+    rig = deepsd.infer(load_bundle(tmp_path), vertices, normals, triangles, joined, body.joints(), cloth)
     known = encode_metadata(metadata, "silk", ())
     poses = sample_poses(4, seed=1)
     found = poser(network, sample, metadata=known, influences=24)(poses)

@@ -51,11 +51,11 @@ def test_skinning_commutes_with_mirroring(poses: np.ndarray) -> None:
     other = mirrored_sample(sample)
     transforms = body.transforms(poses)[:, :, :3]
     posed = skin(
-        np.broadcast_to(sample.vertices.numpy(), (6, *sample.vertices.shape)), sample.prior.numpy(), transforms
+        np.broadcast_to(sample.vertices.numpy(), (6, *sample.vertices.shape)), sample.skin.numpy(), transforms
     )
     mirrored = skin(
         np.broadcast_to(other.vertices.numpy(), (6, *other.vertices.shape)),
-        other.prior.numpy(),
+        other.skin.numpy(),
         mirrored_transforms(transforms),
     )
     np.testing.assert_allclose(mirrored, mirrored_vertices(posed), atol=1e-5)

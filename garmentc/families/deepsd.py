@@ -11,7 +11,19 @@ from numpy.typing import NDArray
 
 from garmentc.errors import GarmentcError
 from garmentc.families.bundle import Bundle
-from garmentc.families.deepsd_names import CANDIDATES, GLOBAL, LOCAL, NEIGHBORS, NORMALS, SHAPES, VERTICES, WEIGHTS
+from garmentc.families.deepsd_names import (
+    CANDIDATES,
+    GLOBAL,
+    HELD,
+    LOCAL,
+    NEIGHBORS,
+    NORMALS,
+    SHAPES,
+    SKIN,
+    VERTICES,
+    WEIGHTS,
+)
+from garmentc.families.held_cloth import HeldCloth
 from garmentc.rig import Rig
 from garmentc.smpl.skeleton import JOINT_COUNT
 
@@ -36,6 +48,7 @@ def infer(
     triangles: NDArray[np.int32],
     edges: NDArray[np.int32],
     joints: NDArray[Any],
+    cloth: HeldCloth,
     threads: int = 0,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Rig:
@@ -45,6 +58,7 @@ def infer(
     triangles          (F, 3)
     edges              (E, 2) unique undirected edges
     joints             (24, 3) rest joints of the body
+    cloth              what the body holds of the outfit
     threads            for onnxruntime; 0 is its own choice
     progress           called with vertices done and vertices in all
 
@@ -55,12 +69,13 @@ def infer(
     sessions = _sessions(bundle, threads)
     count = len(vertices)
     inputs = np.asarray(vertices, np.float32), np.asarray(normals, np.float32)
+    held = np.column_stack([cloth.firmness, cloth.held])
     adjacency = _adjacency(edges, count)
     local: NDArray[np.float32] | None = None
     pooled: NDArray[np.float32] | None = None
     for rows, patch in _patches(adjacency, count):
         table = _neighbor_table(adjacency, patch)
-        feeds = {VERTICES: inputs[0][patch], NORMALS: inputs[1][patch], NEIGHBORS: table}
+        feeds = {VERTICES: inputs[0][patch], NORMALS: inputs[1][patch], NEIGHBORS: table, HELD: held[patch]}
         encoded, candidates = sessions.encoder.run([LOCAL, CANDIDATES], feeds)
         inner = slice(0, len(rows))  # the rim stands behind the rows that count
         if local is None:
@@ -74,7 +89,8 @@ def infer(
     shapes = np.empty((bundle.manifest["keys"], count, 3), np.float32)
     for start in range(0, count, MAX_DECODED):
         piece = slice(start, start + MAX_DECODED)
-        weights[piece], decoded = sessions.heads.run([WEIGHTS, SHAPES], {LOCAL: local[piece], GLOBAL: pooled})
+        feeds = {LOCAL: local[piece], GLOBAL: pooled, HELD: held[piece], SKIN: cloth.skin[piece]}
+        weights[piece], decoded = sessions.heads.run([WEIGHTS, SHAPES], feeds)
         shapes[:, piece] = decoded.transpose(1, 0, 2)
         _check_finite(bundle, weights[piece], decoded)
         progress(min(start + MAX_DECODED, count), count)
@@ -90,15 +106,15 @@ def _sessions(bundle: Bundle, threads: int) -> _Sessions:
     options.log_severity_level = 4
     path = bundle.path / bundle.manifest["files"]["outfit"]["name"]
     names = {value.name for value in (*bundle.outfit.graph.input, *bundle.outfit.graph.output)}
-    missing = {VERTICES, NORMALS, NEIGHBORS, WEIGHTS, SHAPES} - names
+    missing = {VERTICES, NORMALS, NEIGHBORS, HELD, SKIN, WEIGHTS, SHAPES} - names
     if missing:
         raise GarmentcError(
             f"the outfit graph has no input or output named {', '.join(sorted(missing))}; export the bundle again", path
         )
     cuts = (
-        ([VERTICES, NORMALS, NEIGHBORS], [LOCAL, CANDIDATES]),
+        ([VERTICES, NORMALS, NEIGHBORS, HELD], [LOCAL, CANDIDATES]),
         ([CANDIDATES], [GLOBAL]),
-        ([LOCAL, GLOBAL], [WEIGHTS, SHAPES]),
+        ([LOCAL, GLOBAL, HELD, SKIN], [WEIGHTS, SHAPES]),
     )
     try:
         extractor = onnx.utils.Extractor(bundle.outfit)

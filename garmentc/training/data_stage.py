@@ -21,6 +21,7 @@ from garmentc.training.recipe import Optimisation, Recipe
 from garmentc.training.simulated_outfits import SimulatedOutfit
 
 NAME = "data"
+_TINY = 1e-9
 
 
 @dataclass(frozen=True)
@@ -73,11 +74,10 @@ class DataLearning:
         influences = int(rng.choice(settings.influences))
 
         chosen = tensor(np.arange(len(sample.vertices)) if rows is None else rows)
-        descriptors = network.descriptors(sample.vertices, sample.normals, sample.mean, metadata, chosen)
+        descriptors = network.descriptors(*sample.seen, metadata, chosen)
         if settings.dropout:
             descriptors = _thinned(descriptors, settings.dropout, int(rng.integers(1 << 31)))
-        logarithms = torch.log_softmax(network.weight_logits(descriptors), dim=1)
-        weights = logarithms.exp()
+        weights = network.blend_weights(descriptors)
         features = POSE_ENCODINGS[network.config.pose_encoding].encode(poses).astype(np.float32)
         deformations = network.deformations(descriptors, tensor(features), physics=False)
         posed = skin(sample.vertices[chosen] + deformations, largest(weights, influences), tensor(transforms))
@@ -85,7 +85,7 @@ class DataLearning:
         terms = {
             "distance": (distance.square().sum(dim=-1) + 1e-6).sqrt().mean(),
             "squared": distance.square().sum(dim=-1).mean(),
-            "weights": -(sample.prior[chosen] * logarithms).sum(dim=1).mean(),
+            "weights": -(sample.skin[chosen] * (weights + _TINY).log()).sum(dim=1).mean(),
             "deformation": (deformations * MM).square().sum(dim=-1).mean(),
         }
         total = terms[settings.loss]
@@ -117,4 +117,4 @@ def _thinned(descriptors: Descriptors, share: float, seed: int) -> Descriptors:
         kept = (torch.rand(x.shape[-1], generator=generator) >= share) / (1 - share)
         return x * kept.to(x)
 
-    return Descriptors(thinned(descriptors.local), thinned(descriptors.shared))
+    return descriptors._replace(local=thinned(descriptors.local), shared=thinned(descriptors.shared))

@@ -6,6 +6,8 @@ Where it departs from the paper, and why:
   the outfit at rest is the outfit as authored.
 - Weights are drawn as He et al. 2015 do for ReLU, and what keys are multiplied with is KEY_SCALE times the numbers that
   are learned: the published start needs several times as many steps.
+- What its rim holds up (`garmentc.families.held_cloth`) is known: Φ sees it, and there cloth has the skin's weights and
+  no blend shapes.
 - The pose enters as up-in-the-pelvis-frame (3) and the axis-angle of joints 1..23 (69): 72 numbers as in the paper,
   but blind to heading (`garmentc.rig.encode_pose`); other encodings are in `garmentc.training.pose_encodings`.
 """
@@ -78,10 +80,18 @@ class DeepsdConfig:
 
 
 class Descriptors(NamedTuple):
-    """What the heads see: `local` (N, 256) of each vertex and `shared` (S,) of the outfit."""
+    """What the heads see, and what their weights are mixed with.
+
+    local     (N, 256) of each vertex
+    shared    (S,) of the outfit
+    firmness  (N, 1) how much the skin holds each vertex
+    skin      (N, 24) blend weights of the skin there
+    """
 
     local: Tensor
     shared: Tensor
+    firmness: Tensor
+    skin: Tensor
 
 
 class GraphConvolution(nn.Module):
@@ -104,8 +114,9 @@ def _mlp(sizes: tuple[int, ...]) -> nn.Sequential:
     return nn.Sequential(*layers[:-1])
 
 
-def _with_shared(head: nn.Sequential, local: Tensor, shared: Tensor) -> Tensor:
+def _with_shared(head: nn.Sequential, descriptors: Descriptors) -> Tensor:
     """`head` of every row of `local` with `shared` behind it; what is shared is multiplied once, not once a row."""
+    local, shared = descriptors.local, descriptors.shared
     first = head[0]
     assert isinstance(first, nn.Linear)
     width = local.shape[-1]
@@ -125,7 +136,7 @@ class Deepsd(nn.Module):
     def __init__(self, config: DeepsdConfig | None = None) -> None:
         super().__init__()
         self.config = config = config or DeepsdConfig()
-        widths = (6, *config.convolutions)
+        widths = (8, *config.convolutions)
         self.convolutions = nn.ModuleList(GraphConvolution(a, b) for a, b in itertools.pairwise(widths))
         shared = config.metadata_width
         if config.global_descriptor:
@@ -170,14 +181,18 @@ class Deepsd(nn.Module):
         vertices: Tensor,
         normals: Tensor,
         mean: Tensor,
+        held: Tensor,
+        skin: Tensor,
         metadata: Tensor | None = None,
         rows: Tensor | None = None,
     ) -> Descriptors:
         """Φ: vertices and normals (N, 3), mean (N, N) sparse, metadata (metadata_width,), zeros where None.
 
+        held (N, 2) and skin (N, 24) are HeldCloth's firmness and held side by side, and the skin's blend weights.
+
         rows  the vertices whose descriptors are wanted; all by default. They are the same whatever else is wanted.
         """
-        x = torch.cat([vertices, normals], dim=1)
+        x = torch.cat([vertices, normals, held], dim=1)
         *first, last = self.convolutions
         for convolution in first:
             x = convolution(x, mean @ x)
@@ -187,8 +202,10 @@ class Deepsd(nn.Module):
             shared.append(self._pooled(x, around))
         if self.config.metadata_width:
             shared.append(x.new_zeros(self.config.metadata_width) if metadata is None else metadata)
-        local = last(x, around) if rows is None else last(x[rows], around[rows])
-        return Descriptors(local, torch.cat(shared) if shared else x.new_zeros(0))
+        firmness = held[:, :1]
+        if rows is not None:
+            x, around, firmness, skin = x[rows], around[rows], firmness[rows], skin[rows]
+        return Descriptors(last(x, around), torch.cat(shared) if shared else x.new_zeros(0), firmness, skin)
 
     def _pooled(self, x: Tensor, around: Tensor) -> Tensor:
         """The global descriptor (256,): the largest over the vertices of what `global_layer` makes of each.
@@ -202,18 +219,16 @@ class Deepsd(nn.Module):
         return torch.relu((local * self.global_layer.weight).sum(dim=1) + self.global_layer.bias)
 
     def blend_weights(self, descriptors: Descriptors) -> Tensor:
-        """Ω: (N, 24), rows sum to 1."""
-        return torch.softmax(self.weight_logits(descriptors), dim=1)
-
-    def weight_logits(self, descriptors: Descriptors) -> Tensor:
-        """Ω before its softmax, (N, 24)."""
-        return _with_shared(self.weight_head, *descriptors)
+        """Ω, mixed with the skin's weights where that holds the cloth: (N, 24), rows sum to 1."""
+        learned = torch.softmax(_with_shared(self.weight_head, descriptors), dim=1)
+        return descriptors.firmness * descriptors.skin + (1 - descriptors.firmness) * learned
 
     def blend_shapes(self, descriptors: Descriptors, *, data: bool = True, physics: bool = True) -> Tensor:
-        """Ψ + χ: (N, P, 3), metres per unit of key."""
+        """Ψ + χ: (N, P, 3), metres per unit of key; 0 where the skin holds the cloth."""
         wanted = [head for head, take in zip(self.deforming_heads, (data, physics), strict=True) if take]
-        parts = [_with_shared(head, *descriptors) for head in wanted]
-        return self.config.key_scale * torch.stack(parts).sum(dim=0).reshape(len(descriptors.local), -1, 3)
+        parts = [_with_shared(head, descriptors) for head in wanted]
+        loose = self.config.key_scale * (1 - descriptors.firmness)
+        return (loose * torch.stack(parts).sum(dim=0)).reshape(len(descriptors.local), -1, 3)
 
     def absolute_keys(self, features: Tensor) -> Tensor:
         """g: encoded poses (T, pose_features) to keys (T, P), each row of positive numbers that sum to 1."""
@@ -249,7 +264,7 @@ class Deepsd(nn.Module):
             keys = self.config.key_scale * self.pose_keys(features)
             in_pose = nn.functional.linear(keys, first.weight[:, width:], first.bias)
             result: Tensor = self.data_head[1:](at_vertex + around + in_pose[:, None])
-            return result
+            return (1 - descriptors.firmness) * result
 
         return moved
 

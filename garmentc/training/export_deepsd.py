@@ -16,7 +16,18 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from garmentc.errors import GarmentcError
-from garmentc.families.deepsd_names import CANDIDATES, GLOBAL, LOCAL, NEIGHBORS, NORMALS, SHAPES, VERTICES, WEIGHTS
+from garmentc.families.deepsd_names import (
+    CANDIDATES,
+    GLOBAL,
+    HELD,
+    LOCAL,
+    NEIGHBORS,
+    NORMALS,
+    SHAPES,
+    SKIN,
+    VERTICES,
+    WEIGHTS,
+)
 from garmentc.key_graph import key_graph
 from garmentc.rig import ENCODING_WIDTHS, DenseLayer, KeyNetwork
 from garmentc.training.deepsd_network import NONE, Deepsd, DeepsdConfig
@@ -76,7 +87,8 @@ def _floats(name: str, *shape: str | int) -> Any:
 
 
 def outfit_graph(network: Deepsd, metadata: NDArray[np.float32] | None = None) -> bytes:
-    """vertices, normals (N, 3), neighbors (N, K) int64 padded with N → weights (N, 24), blend_shapes (N, P, 3).
+    """vertices, normals (N, 3), neighbors (N, K) int64 padded with N, held (N, 2), skin_weights (N, 24)
+    → weights (N, 24), blend_shapes (N, P, 3).
 
     metadata  (metadata_width,) numbers that the graph shall hold for; unknown where None
 
@@ -90,8 +102,8 @@ def outfit_graph(network: Deepsd, metadata: NDArray[np.float32] | None = None) -
     axis = g.constant("axis_1", np.array([1], np.int64))
     degree = g.add("ReduceSum", [real, axis], "degree", keepdims=1)
     degree = g.add("Max", [degree, g.constant("one", np.ones(1, np.float32))], "degree_floor")
-    x = g.add("Concat", [VERTICES, NORMALS], "features_0", axis=1)
-    width = 6
+    x = g.add("Concat", [VERTICES, NORMALS, HELD], "features_0", axis=1)
+    width = 8
     for index, convolution in enumerate(network.convolutions):
         name = f"convolution.{index}"
         padded = g.add("Concat", [x, g.constant(f"{name}.pad", np.zeros((1, width), np.float32))], f"{name}.in", axis=0)
@@ -116,7 +128,11 @@ def outfit_graph(network: Deepsd, metadata: NDArray[np.float32] | None = None) -
     def head(layers: torch.nn.Sequential, name: str, scale: float = 1.0) -> str:
         return g.mlp(descriptors, _head_layers(layers, width, config.global_descriptor, known_metadata, scale), name)
 
-    g.add("Softmax", [head(network.weight_head, "weight_head")], WEIGHTS, axis=1)
+    firmness = g.add("Gather", [HELD, g.constant("firmness_column", np.array([0], np.int64))], "firmness", axis=1)
+    loose = g.add("Sub", [g.constant("whole", np.ones(1, np.float32)), firmness], "loose")
+    learned = g.add("Softmax", [head(network.weight_head, "weight_head")], "learned_weights", axis=1)
+    taken = g.add("Mul", [SKIN, firmness], "weights_of_skin")
+    g.add("Add", [taken, g.add("Mul", [learned, loose], "weights_of_cloth")], WEIGHTS)
     if config.deformation == NONE:
         nothing = Layer(_zeros(3, width + global_width), _zeros(3))
         shapes, keys = g.linear(descriptors, nothing, "no_shape"), 1
@@ -125,9 +141,11 @@ def outfit_graph(network: Deepsd, metadata: NDArray[np.float32] | None = None) -
         if _adds_anything(network.physics_head):
             added = head(network.physics_head, "physics_head", config.key_scale)
             shapes = g.add("Add", [shapes, added], "blend_shapes_flat")
+    shapes = g.add("Mul", [shapes, loose], "loose_shapes")
     g.add("Reshape", [shapes, g.constant("shape_3", np.array([-1, keys, 3]))], SHAPES)
     neighbors = helper.make_tensor_value_info(NEIGHBORS, TensorProto.INT64, ["N", "K"])
     inputs = [_floats(VERTICES, "N", 3), _floats(NORMALS, "N", 3), neighbors]
+    inputs += [_floats(HELD, "N", 2), _floats(SKIN, "N", config.joints)]
     outputs = [_floats(WEIGHTS, "N", config.joints), _floats(SHAPES, "N", keys, 3)]
     known = [
         _floats(LOCAL, "N", config.convolutions[-1]),

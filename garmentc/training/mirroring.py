@@ -41,5 +41,5 @@ def mirrored_sample(sample: OutfitSample) -> OutfitSample:
         vertices=sample.vertices * flip,
         normals=sample.normals * flip,
         triangles=sample.triangles.flip(1),
-        prior=sample.prior[:, torch.from_numpy(MIRROR).to(sample.prior.device)],
+        skin=sample.skin[:, torch.from_numpy(MIRROR).to(sample.skin.device)],
     )

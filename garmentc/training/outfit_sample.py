@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.spatial import cKDTree
 from torch import Tensor
 
+from garmentc.families.held_cloth import held_cloth
 from garmentc.outfit.topology import edges as unique_edges
 from garmentc.outfit.topology import vertex_normals
 from garmentc.smpl.body import BodyModel
@@ -29,7 +29,8 @@ class OutfitSample:
     rest_lengths       (E,) metres
     counts             (N,) neighbours of each vertex
     mean               (N, N) sparse: the mean over neighbours
-    prior              (N, 24) blend weights that the network starts towards: those of the nearest body vertex
+    held               (N, 2) firmness and held of `garmentc.families.held_cloth`
+    skin               (N, 24) blend weights of the nearest skin, which the network also starts towards
     body               the body it was made for, shape baked in, float32
     """
 
@@ -41,8 +42,14 @@ class OutfitSample:
     rest_lengths: Tensor
     counts: Tensor
     mean: Tensor
-    prior: Tensor
+    held: Tensor
+    skin: Tensor
     body: PosableBody
+
+    @property
+    def seen(self) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+        """What the network's descriptors are made of."""
+        return self.vertices, self.normals, self.mean, self.held, self.skin
 
     def to(self, device: torch.device) -> OutfitSample:
         """The same with its tensors on `device`."""
@@ -100,12 +107,8 @@ def make_sample(
     vertices: NDArray[Any],
     triangles: NDArray[np.int32],
     body: PosableBody,
-    prior: NDArray[Any] | None = None,
 ) -> OutfitSample:
-    """Precompute everything about an outfit that does not change in training.
-
-    prior  (N, 24) blend weights; those of the nearest body vertex where None
-    """
+    """Precompute everything about an outfit that does not change in training."""
     edges = unique_edges(triangles)
     count = len(vertices)
     both = np.concatenate([edges, edges[:, ::-1]])
@@ -114,8 +117,7 @@ def make_sample(
     mean = sparse.diags(1 / np.maximum(degree, 1)) @ adjacency
     mean = mean.tocsr().astype(np.float32)
     mean.sort_indices()
-    if prior is None:
-        prior = body.weights[cKDTree(body.vertices).query(vertices)[1]]
+    cloth = held_cloth(vertices, edges, body.model, body.betas)
     points = torch.from_numpy(np.asarray(vertices, np.float32))
     edge_tensor = torch.from_numpy(edges.astype(np.int64))
     return OutfitSample(
@@ -127,7 +129,8 @@ def make_sample(
         rest_lengths=(points[edge_tensor[:, 0]] - points[edge_tensor[:, 1]]).norm(dim=1),
         counts=torch.from_numpy(degree.astype(np.float32)),
         mean=_sparse(mean),
-        prior=torch.from_numpy(np.asarray(prior, np.float32)),
+        held=torch.from_numpy(np.column_stack([cloth.firmness, cloth.held])),
+        skin=torch.from_numpy(cloth.skin),
         body=body,
     )
 

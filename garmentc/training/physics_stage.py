@@ -119,7 +119,7 @@ class PhysicsLearning:
             sample = mirrored_sample(outfit.sample) if mirror else outfit.sample
             with torch.no_grad():
                 metadata = torch.from_numpy(outfit.metadata).to(sample.vertices.device)
-                descriptors = network.descriptors(sample.vertices, sample.normals, sample.mean, metadata)
+                descriptors = network.descriptors(*sample.seen, metadata)
                 shapes = network.blend_shapes(descriptors, physics=False)
                 self._frozen[index, mirror] = _Frozen(descriptors, network.blend_weights(descriptors), shapes)
         return self._frozen[index, mirror]

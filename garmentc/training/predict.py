@@ -48,7 +48,7 @@ def poser(
     sample = sample.to(device)
     known = None if metadata is None else torch.from_numpy(metadata).to(device)
     with torch.no_grad():
-        descriptors = network.descriptors(sample.vertices, sample.normals, sample.mean, known)
+        descriptors = network.descriptors(*sample.seen, known)
         weights = largest(network.blend_weights(descriptors), influences)
         deform = network.deformer(descriptors, physics=physics)
 

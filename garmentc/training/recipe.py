@@ -46,7 +46,7 @@ class DataStage(Optimisation):
     edge               on the mean change of edge lengths from those at rest, mm: what blend weights and Ψ stretch, χ
                        can hardly mend
     prior_share        of the steps in which the two priors hold; each falls to a tenth in them (section 9)
-    weight_prior       on the cross-entropy of W and the weights of the nearest body vertex; the paper's squared
+    weight_prior       on the cross-entropy of W and the weights of the nearest skin; the paper's squared
                        difference hardly moves a softmax that is sure of a wrong joint
     deformation_prior  on squared deformations, mm²; too low, deformations learn what blend weights should
     influences         one is drawn for each outfit: skinning uses the largest so many weights, as assets do

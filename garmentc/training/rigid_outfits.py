@@ -66,7 +66,7 @@ def _skinned(
     transforms = body.transforms(poses)
     rest = np.broadcast_to(vertices.astype(np.float32), (len(poses), *vertices.shape))
     return SimulatedOutfit(
-        make_sample(name, vertices, triangles, body, prior=weights),
+        make_sample(name, vertices, triangles, body),
         "rigid",
         np.zeros_like(wearer.metadata),
         poses,
@@ -83,7 +83,6 @@ def worn_together(first: SimulatedOutfit, second: SimulatedOutfit) -> SimulatedO
         np.concatenate([a.vertices.numpy(), b.vertices.numpy()]),
         np.concatenate([a.triangles.numpy(), b.triangles.numpy() + len(a.vertices)]).astype(np.int32),
         a.body,
-        prior=np.concatenate([a.prior.numpy(), b.prior.numpy()]),
     )
     every = np.arange(len(first))
     both = np.concatenate([first.targets(every), second.targets(every)], axis=1)
