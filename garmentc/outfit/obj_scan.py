@@ -234,9 +234,9 @@ def _add_faces(text: ObjText, block: Block, before: dict[str, NDArray[np.int64]]
     counts = block.counts(starts)
     if (counts < 3).any():
         wrong = int(np.argmax(counts < 3))
+        corners_found = "1 corner" if counts[wrong] == 1 else f"{counts[wrong]} corners"
         raise text.error(
-            f"a face with {counts[wrong]} corners; it needs 3 or more; remove it or export again",
-            int(block.origin[wrong]),
+            f"a face with {corners_found}; it needs 3 or more; remove it or export again", int(block.origin[wrong])
         )
     try:
         corners = parse_corners(block, starts)
@@ -252,10 +252,8 @@ def _add_faces(text: ObjText, block: Block, before: dict[str, NDArray[np.int64]]
             low = back & (relative + above < 0)
             if low.any():
                 corner = int(np.argmax(low))
-                message = (
-                    f"face index {relative[corner]} reaches before the first '{name}': {above[corner]} stand above"
-                )
-                raise text.error(message, block.offset(int(starts[corner])))
+                message = f"face index {relative[corner]} reaches before the first '{name}': {above[corner]} stand above it"
+                raise text.error(f"{message}; export it again", block.offset(int(starts[corner])))
             resolved[back, column] = (relative + above)[back]
         resolved[corners == ABSENT] = -1
     parts.corners.append(resolved.astype(np.int32))
