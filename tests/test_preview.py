@@ -164,6 +164,8 @@ def test_telling_poses_do_what_their_names_say() -> None:
         (["-o", "x.png", "--frames", "7"], "there are only 6 poses; ask for fewer"),
         (["-o", "x.png", "--animation", "walk"], "has no animation; leave out --animation"),
         (["-o", "x.png", "--collisions", "--no-body"], "collisions need the body"),
+        (["-o", "x.html", "--collisions"], "--collisions is for sheets (.png); leave it out for a page"),
+        (["-o", "x.html", "--views", "front,side,back"], "--views is for sheets"),
         (["-o", "no/such/x.png"], "its folder does not exist"),
     ],
 )
@@ -209,6 +211,7 @@ def test_a_page_holds_everything(page: Path, moving: Path) -> None:
     asset = read_glb(moving)
     assert content["joints"] == smpl_joints(asset)
     assert {"rest", *telling_poses()} == set(content["poses"])
+    assert content["weights"] == [0, 1]
     text = page.read_text(encoding="utf-8")
     assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:)""", text)
     assert "default-src 'none'" in text

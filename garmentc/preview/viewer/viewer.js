@@ -31,7 +31,7 @@ async function start() {
   by('message').remove();
 
   const refreshers = [
-    display(stage, figure), poses(figure, content), joints(figure, content), morphs(figure),
+    display(stage, figure), poses(figure, content), joints(figure, content), morphs(figure, content),
     timeline(figure), facts(content),
   ];
   views(stage);
@@ -107,7 +107,7 @@ function joints(figure, {jointNames}) {
   };
 }
 
-function morphs(figure) {
+function morphs(figure, {weights: [low, high]}) {
   const sources = [...figure.clips.length ? [BAKED] : [], ...figure.drivers.length ? [NETWORK] : [], BY_HAND];
   const source = choice(sources, name => figure.driveBy(name));
   const note = element('p', {className: 'note', textContent: 'Weights set by'});
@@ -115,7 +115,7 @@ function morphs(figure) {
   const rows = figure.morphed.flatMap(meshes => meshes[0].morphTargetInfluences.map((_, target) => {
     const name = Object.entries(meshes[0].morphTargetDictionary ?? {}).find(([, index]) => index === target)?.[0];
     const change = weight => figure.setMorph(meshes, target, weight);
-    const one = slider(name ?? `${target}`, [-2, 2, 0.01], value => value.toFixed(2), change);
+    const one = slider(name ?? `${target}`, [low, high, 0.01], value => value.toFixed(2), change);
     by('morphs').append(one.row);
     return {one, meshes, target};
   }));
