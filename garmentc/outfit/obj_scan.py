@@ -252,10 +252,9 @@ def _add_faces(text: ObjText, block: Block, before: dict[str, NDArray[np.int64]]
             low = back & (relative + above < 0)
             if low.any():
                 corner = int(np.argmax(low))
-                message = (
-                    f"face index {relative[corner]} reaches before the first '{name}': {above[corner]} stand above"
-                )
-                raise text.error(f"{message} it; export it again", block.offset(int(starts[corner])))
+                there = f"{above[corner]} stand above it; export it again"
+                message = f"face index {relative[corner]} reaches before the first '{name}': {there}"
+                raise text.error(message, block.offset(int(starts[corner])))
             resolved[back, column] = (relative + above)[back]
         resolved[corners == ABSENT] = -1
     parts.corners.append(resolved.astype(np.int32))
