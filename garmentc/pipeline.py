@@ -20,6 +20,7 @@ from garmentc.families.bundle import Bundle, load_bundle
 from garmentc.gltf.meshopt import codec
 from garmentc.gltf.names import unique_names
 from garmentc.layer import Dressed, Inputs, Layer
+from garmentc.make_report import make_report
 from garmentc.options import CompileOptions
 from garmentc.outfit.align import Alignment, AlignOptions, align
 from garmentc.outfit.align.together import common_gender
@@ -38,7 +39,7 @@ from garmentc.passes.quantize import Quantize, quantize
 from garmentc.passes.reduce_blend_shapes import ReduceBlendShapes, reduce_blend_shapes
 from garmentc.passes.report import PassReport
 from garmentc.passes.resolve_collisions import ResolveCollisions, resolve_collisions
-from garmentc.report import CompileReport, StageTime, make_report
+from garmentc.report import CompileReport, StageTime
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.default_body import load_default_body
