@@ -82,9 +82,9 @@ def test_export_outfit(run: CommandLine, tmp_path: Path) -> None:
     outfit = read_obj(tmp_path / "out.obj")
     assert len(outfit.vertices) > 100
     assert outfit.has_texcoords
-    options = next(line for line in (tmp_path / "out.obj").read_text().splitlines() if "--gender" in line).split()[-3:]
-    assert options[:2] == ["--gender", sample_parameters(3).gender]
-    assert [float(beta) for beta in options[2].removeprefix("--betas=").split(",")] == list(sample_parameters(3).betas)
+    options = next(line for line in (tmp_path / "out.obj").read_text().splitlines() if "--gender" in line).split()[-4:]
+    assert options[:3] == ["--gender", sample_parameters(3).gender, "--betas"]
+    assert [float(beta) for beta in options[3].split(",")] == list(sample_parameters(3).betas)
 
 
 @pytest.mark.parametrize(

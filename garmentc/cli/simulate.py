@@ -144,7 +144,7 @@ def _export(seed: int, path: Path) -> None:
     betas = ",".join(repr(float(beta)) for beta in parameters.betas)
     comments = (
         f"{parameters.category} for a {parameters.gender} body, seed {seed}",
-        f"compile it with: --gender {parameters.gender} --betas={betas}",  # "=": the first may be negative
+        f"compile it with: --gender {parameters.gender} --betas {betas}",
     )
     write_obj(outfit, path, comments=comments)
 
