@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from obj_reference import assert_same, parse
 
 from garmentc.errors import GarmentcError
-from garmentc.outfit import obj_scan
+from garmentc.outfit import obj_lines
 from garmentc.outfit.obj import read_obj
 from garmentc.outfit.outfit import Outfit
 
@@ -283,7 +283,7 @@ def test_stretches_join_anywhere(read: Read, monkeypatch: pytest.MonkeyPatch) ->
     whole = read(text)
     assert_same(whole, parse(text.encode()))
     for size in (1, 7, 20):
-        monkeypatch.setattr(obj_scan, "_STRETCH", size)
+        monkeypatch.setattr(obj_lines, "_STRETCH", size)
         cut = read(text)
         for name in ("vertices", "texcoords", "normals", "tri_v", "tri_vt", "tri_vn", "tri_group", "face_line"):
             np.testing.assert_array_equal(getattr(cut, name), getattr(whole, name), err_msg=name)
