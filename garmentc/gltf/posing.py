@@ -17,6 +17,21 @@ from garmentc.smpl.rotations import axis_angle_to_quaternion, quaternion_to_axis
 from garmentc.smpl.skeleton import JOINT_COUNT, JOINT_NAMES
 
 
+def animation_number(asset: GlbAsset, wanted: str) -> int:
+    """The animation that a user means: by its name or, failing that, its number, counting from 0.
+
+    Raises GarmentcError where there is no such animation.
+    """
+    names = [entry.name for entry in asset.animations]
+    if not names:
+        raise GarmentcError("has no animation; compile it with --motion", asset.path)
+    if wanted in names:
+        return names.index(wanted)
+    if wanted.isdecimal() and int(wanted) < len(names):
+        return int(wanted)
+    raise GarmentcError(f"has no animation '{wanted}'; it has {', '.join(names)}", asset.path)
+
+
 def state_at_time(asset: GlbAsset, seconds: float, animation: int = 0) -> State:
     """The nodes at a time of an animation; before its start and after its end it stands still.
 
