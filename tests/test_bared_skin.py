@@ -29,7 +29,7 @@ def test_nothing_is_bared_where_cloth_and_skin_move_together(turn: NDArray[np.fl
 
 
 def test_all_is_bared_where_the_cloth_sinks_in() -> None:
-    assert COVERED.bared(0.95 * SKIN, SKIN) > 0.9
+    assert COVERED.bared(0.95 * SKIN, SKIN) > 0.85  # but for the row of skin next to the rim
 
 
 def test_the_part_that_comes_through_is_bared() -> None:

@@ -41,7 +41,8 @@ class CoveredSkin:
         rows = np.flatnonzero(within & ~outside & (distance < REACH))
         a, b, c = (skin[faces[:, k]] for k in range(3))
         area = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1), 3)
-        return cls(rows, np.bincount(faces.reshape(-1), area, len(skin))[rows], triangles, rims)
+        areas = np.bincount(faces.reshape(-1), area, len(skin)).astype(np.float64)
+        return cls(rows, areas[rows], triangles, rims)
 
     def bared(self, cloth: NDArray[Any], skin: NDArray[Any]) -> float:
         """Share of the covered skin, by its area at rest, that lies on the outer side of the posed cloth.
