@@ -266,7 +266,12 @@ LOOK = """(async () => {
   document.querySelectorAll('#poses button')[3].click();
   for (let i = 0; i < 9; i++) figure.update(0.1);
   at('sit', 'network');
-  return {step: STEP, shown, sliders: document.querySelectorAll('#joints input').length,
+  const pelvis = () => figure.bones[0].getWorldPosition(stage.middle.clone());
+  const off = () => (stage.follow(pelvis()), stage.controls.target.clone().sub(pelvis()));
+  const before = off();
+  figure.bones[0].position.x += 3;
+  stage.scene.updateMatrixWorld(true);
+  return {step: STEP, shown, strayed: off().distanceTo(before), sliders: document.querySelectorAll('#joints input').length,
     morphs: document.querySelectorAll('#morphs input').length, playable: !document.getElementById('timeline').hidden,
     facts: document.getElementById('facts').innerText};
 })()"""
@@ -295,6 +300,7 @@ def test_a_page_opens_from_disk_without_the_network(looked: dict[str, Any]) -> N
     assert looked["requests"] == ["page.html"]
     assert looked["found"]["sliders"] == 72
     assert looked["found"]["playable"]
+    assert looked["found"]["strayed"] < 1e-6, "the camera goes with the figure"
     assert "default female" in looked["found"]["facts"]
 
 

@@ -128,9 +128,9 @@ def _facts(summary: GlbSummary, body: BodyModel | None) -> list[tuple[str, str]]
         ("morph targets", str(len(summary.morphs))),
     ]
     facts += [("pose-key network", " - ".join(map(str, network.layers))) for network in summary.pose_keys]
-    facts += [("animation", f"{entry.name}, {entry.seconds:.2f} s") for entry in summary.animations]
+    facts += [("animation", f"{entry.seconds:.2f} s, {entry.name}") for entry in summary.animations]
     facts += [("body", body.name)] if body is not None else []
-    facts += [("extensions", ", ".join(summary.extensions) or "none"), ("made by", summary.generator)]
+    facts += [("extensions", "\n".join(summary.extensions) or "none"), ("made by", summary.generator)]
     return facts
 
 

@@ -35,6 +35,7 @@ async function start() {
     timeline(figure), facts(content),
   ];
   views(stage);
+  const place = figure.bones[0].position.clone();
   let before = performance.now(), awake = LINGER, frame = 0;
   const wake = () => { awake = LINGER; };
   for (const event of ['input', 'click', 'keydown']) document.addEventListener(event, wake);
@@ -47,7 +48,7 @@ async function start() {
     if (figure.posed) figure.standOn(stage.ground); // animations know where the floor is
     if (figure.moving || stage.controls.autoRotate) wake();
     if (awake-- <= 0) return requestAnimationFrame(tick);
-    stage.follow(figure.bones[0].getWorldPosition(stage.lamp.target.position));
+    stage.follow(figure.bones[0].getWorldPosition(place));
     stage.draw();
     if (!figure.playing || frame++ % 4 === 0) for (const refresh of refreshers) refresh?.(seconds);
     return requestAnimationFrame(tick);
