@@ -271,9 +271,9 @@ LOOK = """(async () => {
   const before = off();
   figure.bones[0].position.x += 3;
   stage.scene.updateMatrixWorld(true);
-  return {step: STEP, shown, strayed: off().distanceTo(before), sliders: document.querySelectorAll('#joints input').length,
-    morphs: document.querySelectorAll('#morphs input').length, playable: !document.getElementById('timeline').hidden,
-    facts: document.getElementById('facts').innerText};
+  return {step: STEP, shown, strayed: off().distanceTo(before),
+    sliders: document.querySelectorAll('#joints input').length, morphs: document.querySelectorAll('#morphs input').length,
+    playable: !document.getElementById('timeline').hidden, facts: document.getElementById('facts').innerText};
 })()"""
 
 
