@@ -272,8 +272,9 @@ LOOK = """(async () => {
   figure.bones[0].position.x += 3;
   stage.scene.updateMatrixWorld(true);
   return {step: STEP, shown, strayed: off().distanceTo(before),
-    sliders: document.querySelectorAll('#joints input').length, morphs: document.querySelectorAll('#morphs input').length,
-    playable: !document.getElementById('timeline').hidden, facts: document.getElementById('facts').innerText};
+    sliders: document.querySelectorAll('#joints input').length,
+    morphs: document.querySelectorAll('#morphs input').length, playable: !document.getElementById('timeline').hidden,
+    facts: document.getElementById('facts').innerText};
 })()"""
 
 
