@@ -11,7 +11,7 @@ INSTALLED      := $(VENV)/installed.stamp
 TEST_INSTALLED := $(VENV)/installed-test.stamp
 ENGINES        := tests/engines/node_modules/installed.stamp
 
-.PHONY: install demo test conformance check bench body data ablations clean
+.PHONY: install demo pictures test conformance check bench body data ablations clean
 .DEFAULT_GOAL := install
 
 install: $(INSTALLED)
@@ -42,6 +42,14 @@ demo: $(INSTALLED)
 	$(BIN)/garmentc compile examples/tee_and_trousers.obj --motion $(MOTION) -o $(OUT)/tee_and_trousers.glb
 	$(BIN)/garmentc preview $(OUT)/tee_and_skirt.glb -o $(OUT)/tee_and_skirt.png
 	$(BIN)/garmentc preview $(OUT)/tee_and_skirt.glb -o $(OUT)/tee_and_skirt.html
+
+# Draws the README's pictures anew. Needs Chromium (`CHROMIUM=` its command). Make conformance draws docs/engines.png.
+CHROMIUM ?= chromium
+
+pictures: demo $(ENGINES)
+	$(BIN)/garmentc preview $(OUT)/tee_and_skirt.glb --views front,side --size 380 -o docs/outfits.png
+	cd tests/engines && CHROMIUM=$$(command -v $(CHROMIUM)) node open_page.mjs ../../$(OUT)/tee_and_skirt.html \
+		viewer_picture.js ../../docs/viewer.png
 
 test: $(TEST_INSTALLED) $(ENGINES)
 	$(BIN)/python -m pytest

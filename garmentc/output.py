@@ -30,7 +30,7 @@ def cannot_write(path: str | os.PathLike[str], error: OSError) -> GarmentcError:
     return GarmentcError(f"cannot be written: {remedy}", path)
 
 
-def _is_special(target: Path) -> bool:
+def is_special(target: Path) -> bool:
     """True for a device or a pipe, which must be written in place, never replaced."""
     return target.exists() and not target.is_file() and not target.is_dir()
 
@@ -60,13 +60,13 @@ def check_outputs(
         if target in taken:
             raise GarmentcError(f"is {taken[target]} and cannot be written too; name another file", path)
         _check_writable(path)
-        if not _is_special(Path(target)):
+        if not is_special(Path(target)):
             taken[target] = "written already"
 
 
 def _check_writable(path: str | os.PathLike[str]) -> None:
     target = Path(os.path.realpath(path))
-    if _is_special(target):
+    if is_special(target):
         return
     temporary = _temporary(target)
     try:
@@ -87,7 +87,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     target = Path(os.path.realpath(path))
     temporary = _temporary(target)
     try:
-        if _is_special(target):
+        if is_special(target):
             with target.open("wb") as file:
                 yield file
             return

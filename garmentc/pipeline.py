@@ -21,6 +21,7 @@ from garmentc.families.held_cloth import held_cloth
 from garmentc.gltf.meshopt import codec
 from garmentc.gltf.names import unique_names
 from garmentc.layer import Dressed, Inputs, Layer
+from garmentc.make_report import make_report
 from garmentc.options import CompileOptions
 from garmentc.outfit.align import Alignment, AlignOptions, align
 from garmentc.outfit.align.together import common_gender
@@ -28,7 +29,7 @@ from garmentc.outfit.corners import split_corners
 from garmentc.outfit.obj import read_obj
 from garmentc.outfit.topology import edges, surface_warnings, vertex_normals, weld
 from garmentc.outfit.unwrap import unwrap
-from garmentc.output import check_outputs
+from garmentc.output import check_outputs, is_special
 from garmentc.passes.follow_skin import FollowSkin, follow_skin
 from garmentc.passes.limit_influences import LimitInfluences, limit_influences
 from garmentc.passes.morph_normals import MorphNormals, morph_normals
@@ -39,7 +40,7 @@ from garmentc.passes.quantize import Quantize, quantize
 from garmentc.passes.reduce_blend_shapes import ReduceBlendShapes, reduce_blend_shapes
 from garmentc.passes.report import PassReport
 from garmentc.passes.resolve_collisions import ResolveCollisions, resolve_collisions
-from garmentc.report import CompileReport, StageTime, make_report
+from garmentc.report import CompileReport, StageTime
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.default_body import load_default_body
@@ -75,7 +76,7 @@ def compile_outfit(
     """
     options = replace(options or CompileOptions(), **given)
     paths = [Path(outfit)] if isinstance(outfit, (str, PathLike)) else [Path(path) for path in outfit]
-    _check(paths, options)
+    _check(paths, Path(output), options)
     check_outputs((output, options.keys_onnx), inputs=(*paths, options.body, options.params, *options.motion))
     clock = _Clock(on_progress)
 
@@ -102,10 +103,12 @@ def compile_outfit(
     return make_report(options, layers, written, clock.stages)
 
 
-def _check(paths: Sequence[Path], options: CompileOptions) -> None:
+def _check(paths: Sequence[Path], output: Path, options: CompileOptions) -> None:
     """Raise GarmentcError now for what would fail later: no outfit, options that are for one, a missing package."""
     if not paths:
         raise GarmentcError("no outfit is given; name an OBJ file")
+    if output.suffix.lower() != ".glb" and not is_special(output):
+        raise GarmentcError(f"ends in '{output.suffix}', and engines go by that; name a .glb", output)
     if options.meshopt:
         codec()  # now, not after all the work
     for option, value in (("keys-onnx", options.keys_onnx), ("name", options.name)):

@@ -43,7 +43,7 @@ def test_a_file_is_measured_as_its_rig_is(tmp_path: Path) -> None:
     assert len(outfit.triangles) == len(asset.rig.triangles)
     frames = body_frames(BODY, None, MOTION, EvaluationOptions(step=1))
     from_file, from_rig = (evaluate(source, BODY, frames) for source in (outfit, RigOutfit(asset.rig)))
-    for name in ("collision", "deep", "edge_mm", "bend"):
+    for name in ("collision", "deep", "bared", "edge_mm", "bend"):
         np.testing.assert_allclose(getattr(from_file, name), getattr(from_rig, name), atol=2e-3, err_msg=name)
     assert from_rig.collision.max() > 0
 
@@ -77,7 +77,8 @@ def test_the_table_says_what_the_json_says() -> None:
     cells = [cell.strip() for cell in line.strip("|").split("|")]
     assert cells[:3] == ["gown", "compiled", "3"]
     assert float(cells[3]) == pytest.approx(100 * data[0]["all"]["collision"], abs=0.006)
-    assert float(cells[5]) == pytest.approx(data[0]["all"]["edge_mm"], abs=0.006)
+    assert float(cells[5]) == pytest.approx(100 * data[0]["all"]["bared"], abs=0.006)
+    assert float(cells[6]) == pytest.approx(data[0]["all"]["edge_mm"], abs=0.006)
 
 
 def test_opened_arms_point_away_from_the_trunk() -> None:

@@ -142,6 +142,8 @@ def test_pose_at_frame_time_and_parameters_agree(run: CommandLine, folder: Path,
             assert run("pose", glb, "-o", output, f"--{name}", value).code == 0
             posed[name, suffix] = np.asarray(trimesh.load(output, process=False).vertices)
     assert np.abs(posed["frame", "ply"] - posed["frame", "obj"]).max() < 1e-9
+    run("pose", glb, "-o", tmp_path / "named.ply", "--frame", choices["frame"], "--animation", "steps")
+    assert (tmp_path / "named.ply").read_bytes() == (tmp_path / "frame.ply").read_bytes()
     assert np.abs(posed["frame", "ply"] - posed["time", "ply"]).max() < 1e-6
     assert np.abs(posed["frame", "ply"] - posed["params", "ply"]).max() < 1e-3  # keyframes were left out
 
@@ -150,7 +152,8 @@ def test_pose_at_frame_time_and_parameters_agree(run: CommandLine, folder: Path,
     ("arguments", "message"),
     [
         (["--frame", "9"], "ends after 0.333 s"),
-        (["--frame", "0", "--animation", "1"], "there is no number 1"),
+        (["--frame", "0", "--animation", "1"], "has no animation '1'; it has "),
+        (["--animation", "dance"], "has no animation 'dance'; it has "),
         (["--frame", "0", "--time", "0"], "choose one"),
         (["-o", "a.stl"], "name the file .obj or .ply"),
         (["-o", "/nowhere/a.obj"], "does not exist"),

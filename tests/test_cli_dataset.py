@@ -14,6 +14,7 @@ from simulation_stand_in import fail_some, skinned_patch
 
 from garmentc.outfit.obj import read_obj
 from garmentc.simulation.dataset import open_dataset
+from garmentc.simulation.outfits import sample_parameters
 from garmentc.simulation.plan import make_plan
 from garmentc.simulation.presets import PRESETS
 from garmentc.simulation.task_graph import run_plan
@@ -81,6 +82,9 @@ def test_export_outfit(run: CommandLine, tmp_path: Path) -> None:
     outfit = read_obj(tmp_path / "out.obj")
     assert len(outfit.vertices) > 100
     assert outfit.has_texcoords
+    options = next(line for line in (tmp_path / "out.obj").read_text().splitlines() if "--gender" in line).split()[-4:]
+    assert options[:3] == ["--gender", sample_parameters(3).gender, "--betas"]
+    assert [float(beta) for beta in options[3].split(",")] == list(sample_parameters(3).betas)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from dataclasses import replace
 from importlib.util import find_spec
@@ -14,6 +16,7 @@ from garmentc.evaluation.metrics import edge_lengths, signed_distance
 from garmentc.outfit.topology import edges
 from garmentc.simulation.cloth_simulator import Cloth, SimulatedCloth, simulate
 from garmentc.simulation.fabrics import FABRICS, Fabric
+from garmentc.simulation.native_stderr import native_stderr_closed
 from garmentc.simulation.newton_cloth import NewtonCloth
 from garmentc.simulation.pins import pin
 from garmentc.simulation.simulation_settings import SimulationSettings
@@ -31,6 +34,20 @@ def drape(frames: int) -> tuple[Cloth, SimulatedCloth]:
     vertices, triangles = sheet(0.3, 0.3, 11, 11)
     cloth = Cloth(vertices + np.array([0, 0.12, 0]), triangles, FABRICS["cotton"])
     return cloth, simulate(cloth, body, np.repeat(body[None], frames, axis=0), faces, UNSETTLED)
+
+
+def test_c_code_can_be_kept_quiet(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ValueError, match="after"), native_stderr_closed():
+        os.write(2, b"a banner")
+        raise ValueError("after")
+    os.write(2, b"heard again")
+    assert capfd.readouterr().err == "heard again"
+
+
+@needs_newton
+def test_warp_says_nothing_of_graphics_cards() -> None:
+    code = "from garmentc.simulation.newton_cloth import import_newton; import_newton()[1].init()"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stderr == ""
 
 
 @needs_newton

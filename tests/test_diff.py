@@ -13,7 +13,7 @@ from gltf_samples import make_asset, make_motion
 
 from garmentc.gltf.asset import Asset, Clip
 from garmentc.gltf.diff import diff_glb
-from garmentc.gltf.difference import DiffTolerances
+from garmentc.gltf.difference import DiffTolerances, unequal
 from garmentc.gltf.glb_asset import GlbAsset
 from garmentc.gltf.read import read_glb
 from garmentc.gltf.write import write_glb
@@ -150,13 +150,23 @@ def test_other_speed_is_another_duration(tmp_path: Path) -> None:
 
 
 def test_another_structure_is_told_first(tmp_path: Path) -> None:
-    assert places(tmp_path, make_asset(parts=2), make_asset(parts=3)) == ["meshes"]
+    assert places(tmp_path, make_asset(parts=2), make_asset(parts=3)) == ["meshes/0/primitives"]
     assert places(tmp_path, make_asset(morphs=4), make_asset(morphs=5)) == [
         "meshes/0/targets",
         "meshes/0/extras/targetNames",
     ]
     assert places(tmp_path, make_asset(), make_asset(pose_keys=False)) == ["nodes/25/pose_keys"]
     assert places(tmp_path, make_asset(), replace(make_asset(), clips=())) == ["animations"]
+
+
+def test_of_long_lists_the_items_that_differ_are_told() -> None:
+    names = [f"joint{number}" for number in range(24)]
+    renamed = [*names[:20], "hand", "glove", *names[22:]]
+    assert [str(difference) for difference in unequal("nodes", names, renamed)] == [
+        "nodes: 2 of 24 differ, number 20 from 'joint20' to 'hand'"
+    ]
+    assert [str(difference) for difference in unequal("nodes", names, names[:3])] == ["nodes: 24 became 3"]
+    assert not list(unequal("nodes", names, [*names]))
 
 
 def test_another_topology_is_told_as_counts(tmp_path: Path) -> None:

@@ -81,6 +81,12 @@ def test_obj_that_is_not_there(run: CommandLine, tmp_path: Path, output: Path) -
     assert "folder" in run.fails("compile", tmp_path, "-o", output)
 
 
+@pytest.mark.parametrize("name", ["outfit.gltf", "outfit"])
+def test_output_that_engines_would_not_take_for_a_glb(run: CommandLine, top: Path, tmp_path: Path, name: str) -> None:
+    assert "name a .glb" in run.fails("compile", top, "-o", tmp_path / name)
+    assert not (tmp_path / name).exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -206,6 +206,15 @@ def test_missing_library_is_a_warning(tmp_path: Path) -> None:
     assert "should it be 'a.mtl'?" in read.warnings[0].message
 
 
+def test_empty_library_is_a_warning_as_a_missing_one_is(tmp_path: Path) -> None:
+    read = outfit(tmp_path, "mtllib a.mtl", {"a.mtl": ""})
+    assert read.materials == (Material("m"),)
+    assert [(w.code, w.file) for w in read.warnings] == [
+        ("mtl.empty", str(tmp_path / "a.mtl")),
+        ("mtl.undefined", str(tmp_path / "a.obj")),
+    ]
+
+
 def test_letter_case_of_a_library_is_a_warning(tmp_path: Path) -> None:
     read = outfit(tmp_path, "mtllib A.MTL", {"a.mtl": RED})
     assert read.materials[0].base_color == (1, 0, 0, 1)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from obj_reference import assert_same, parse
 
 from garmentc.errors import GarmentcError
-from garmentc.outfit import obj_scan
+from garmentc.outfit import obj_lines
 from garmentc.outfit.obj import read_obj
 from garmentc.outfit.outfit import Outfit
 
@@ -212,9 +212,10 @@ REFUSED = {
     "index too large": (SQUARE + "f 1 2 99\n", 5, "'v' number 99, but the file has 4"),
     "texture index too large": (SQUARE + UV + "f 1/1 2/2 3/99\n", 9, "'vt' number 99"),
     "normal that is not there": (SQUARE + "f 1//1 2//1 3//1\n", 5, "'vn' number 1, but the file has 0"),
-    "index far too large": (SQUARE + "f 1 2 99999999999999999999999\n", 5, "but the file has 4"),
+    "index far too large": (SQUARE + "f 1 2 99999999999999999999999\n", 5, "number 99999999999999999999999, but"),
+    "second face too large": (SQUARE + "f 1 2 3\n f 1/ 2147483648// 3\n", 6, "'v' number 2147483648, but"),
     "before the first": (SQUARE + "f -5 -1 -2\n", 5, "before the first 'v'"),
-    "far before the first": (SQUARE + "f -99999999999999999999999 -1 -2\n", 5, "but the file has 4"),
+    "far before the first": (SQUARE + "f -99999999999999999999999 -1 -2\n", 5, "number -99999999999999999999999, but"),
     "before its own line": ("f -3 -2 -1\n" + SQUARE, 1, "before the first 'v'"),
     "float index": (SQUARE + "f 1.5 2 3\n", 5, "whole number"),
     "word index": (SQUARE + "f 1 2 3\nf a b c\n", 6, "'a'"),
@@ -282,7 +283,7 @@ def test_stretches_join_anywhere(read: Read, monkeypatch: pytest.MonkeyPatch) ->
     whole = read(text)
     assert_same(whole, parse(text.encode()))
     for size in (1, 7, 20):
-        monkeypatch.setattr(obj_scan, "_STRETCH", size)
+        monkeypatch.setattr(obj_lines, "_STRETCH", size)
         cut = read(text)
         for name in ("vertices", "texcoords", "normals", "tri_v", "tri_vt", "tri_vn", "tri_group", "face_line"):
             np.testing.assert_array_equal(getattr(cut, name), getattr(whole, name), err_msg=name)

@@ -164,6 +164,8 @@ def test_telling_poses_do_what_their_names_say() -> None:
         (["-o", "x.png", "--frames", "7"], "there are only 6 poses; ask for fewer"),
         (["-o", "x.png", "--animation", "walk"], "has no animation; leave out --animation"),
         (["-o", "x.png", "--collisions", "--no-body"], "collisions need the body"),
+        (["-o", "x.html", "--collisions"], "--collisions is for sheets (.png); leave it out for a page"),
+        (["-o", "x.html", "--views", "front,side,back"], "--views is for sheets"),
         (["-o", "no/such/x.png"], "its folder does not exist"),
     ],
 )
@@ -209,6 +211,7 @@ def test_a_page_holds_everything(page: Path, moving: Path) -> None:
     asset = read_glb(moving)
     assert content["joints"] == smpl_joints(asset)
     assert {"rest", *telling_poses()} == set(content["poses"])
+    assert content["weights"] == [0, 1]
     text = page.read_text(encoding="utf-8")
     assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:)""", text)
     assert "default-src 'none'" in text
@@ -263,7 +266,13 @@ LOOK = """(async () => {
   document.querySelectorAll('#poses button')[3].click();
   for (let i = 0; i < 9; i++) figure.update(0.1);
   at('sit', 'network');
-  return {step: STEP, shown, sliders: document.querySelectorAll('#joints input').length,
+  const pelvis = () => figure.bones[0].getWorldPosition(stage.middle.clone());
+  const off = () => (stage.follow(pelvis()), stage.controls.target.clone().sub(pelvis()));
+  const before = off();
+  figure.bones[0].position.x += 3;
+  stage.scene.updateMatrixWorld(true);
+  return {step: STEP, shown, strayed: off().distanceTo(before),
+    sliders: document.querySelectorAll('#joints input').length,
     morphs: document.querySelectorAll('#morphs input').length, playable: !document.getElementById('timeline').hidden,
     facts: document.getElementById('facts').innerText};
 })()"""
@@ -292,6 +301,7 @@ def test_a_page_opens_from_disk_without_the_network(looked: dict[str, Any]) -> N
     assert looked["requests"] == ["page.html"]
     assert looked["found"]["sliders"] == 72
     assert looked["found"]["playable"]
+    assert looked["found"]["strayed"] < 1e-6, "the camera goes with the figure"
     assert "default female" in looked["found"]["facts"]
 
 

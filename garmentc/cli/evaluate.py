@@ -64,7 +64,7 @@ def command(inputs: tuple[Path, ...], data: Path | None, **options: Any) -> None
     """Measure compiled outfits along motions, or model bundles on a dataset. Prints Markdown tables.
 
     \b
-    ASSET.glb... --motion FILE   vertices inside the body, stretched edges, bend
+    ASSET.glb... --motion FILE   vertices inside the body, bared skin, stretched edges, bend
     BUNDLE... --data DIR         each of the dataset's outfits compiled, and compared with its simulation too;
                                  the bundle that comes with garmentc where none is named;
                                  the folder of a training run stands for its network before all passes

@@ -25,9 +25,7 @@ DEFAULT_FPS = 30.0
 @click.option("--frame", type=click.IntRange(min=0), metavar="N", help="Frame of the animation, from 0.")
 @click.option("--time", type=Number(min=0), metavar="SECONDS", help="Time in the animation.")
 @click.option("--params", type=PATH, metavar="FILE", help="Pose in a .json or .npz file.")
-@click.option(
-    "--animation", type=click.IntRange(min=0), default=0, show_default=True, metavar="INDEX", help="Which animation."
-)
+@click.option("--animation", metavar="NAME", help="Name or number of the animation; the first by default.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 def command(
@@ -36,7 +34,7 @@ def command(
     frame: int | None,
     time: float | None,
     params: Path | None,
-    animation: int,
+    animation: str | None,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -45,6 +43,7 @@ def command(
     Give one of --frame, --time and --params; without any, the rest pose is written.
     """
     from garmentc.gltf.evaluate import world_mesh
+    from garmentc.gltf.posing import animation_number
     from garmentc.gltf.read import read_glb
     from garmentc.mesh_file import check_mesh_suffix, write_mesh
     from garmentc.output import check_outputs
@@ -54,9 +53,11 @@ def command(
     check_mesh_suffix(output)
     check_outputs([output], inputs=[glb])
     asset = read_glb(glb)
+    at_rest = animation is None and frame is None and time is None
+    number = 0 if at_rest else animation_number(asset, animation or "0")
     if frame is not None:
-        time = frame / _fps(asset, animation)
-    vertices, triangles = world_mesh(asset, _state(asset, time, params, animation))
+        time = frame / _fps(asset, number)
+    vertices, triangles = world_mesh(asset, _state(asset, time, params, number))
     write_mesh(output, vertices, triangles)
     if as_json:
         print_json({"output": str(output), "vertices": len(vertices), "triangles": len(triangles), "seconds": time})

@@ -6,15 +6,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import click
+from click.core import ParameterSource
 
 from garmentc.cli.parameters import PATH
-from garmentc.cli.printing import print_warnings, progress
+from garmentc.cli.printing import file_size, print_warnings, progress
 from garmentc.errors import Diagnostic, GarmentcError
 from garmentc.options import Gender
 
 if TYPE_CHECKING:
     from garmentc.evaluation.posed_outfit import GlbOutfit
     from garmentc.smpl.body import BodyModel
+
+_OF_A_SHEET = ("frames", "views", "size", "animation", "collisions")
+"""Options that a page has no use for: its viewer has controls."""
 
 
 @click.command("preview")
@@ -61,6 +65,7 @@ def command(
     kind = output.suffix.lower()
     if kind not in (".png", ".html"):
         raise GarmentcError(f"ends in '{output.suffix}'; name a .png for a sheet or a .html for a page", output)
+    _check_options(kind)
     check_outputs([output], inputs=[glb])
     outfit = read_outfit(glb)
     asset = outfit.asset
@@ -69,7 +74,7 @@ def command(
         from garmentc.preview.page import write_page
 
         count = write_page(asset, wearer, betas, output)
-        shown = f"{count / 1e6:.1f} MB"
+        shown = file_size(count)
     else:
         from garmentc.passes.blas import single_threaded_blas
         from garmentc.preview.sheet import SheetOptions, write_sheet
@@ -82,6 +87,15 @@ def command(
         shown = f"{width} x {height} pixels"
     if not quiet:
         click.echo(f"{output}: {shown}")
+
+
+def _check_options(kind: str) -> None:
+    """Raise UsageError for an option that the kind of output would ignore."""
+    context = click.get_current_context()
+    for parameter in command.params if kind == ".html" else ():
+        given = context.get_parameter_source(parameter.name or "") is ParameterSource.COMMANDLINE
+        if parameter.name in _OF_A_SHEET and given:
+            raise click.UsageError(f"{parameter.opts[-1]} is for sheets (.png); leave it out for a page")
 
 
 def _wearer(outfit: GlbOutfit, body: Path | None, gender: str | None) -> tuple[BodyModel | None, Any]:

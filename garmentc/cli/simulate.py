@@ -141,7 +141,12 @@ def _export(seed: int, path: Path) -> None:
         outfit = generate_outfit(parameters, load_default_body(parameters.gender))
     except ValueError as error:
         raise GarmentcError(f"the outfit with seed {seed} cannot be made ({error}); try another seed") from None
-    write_obj(outfit, path, comments=(f"{parameters.category} for a {parameters.gender} body, seed {seed}",))
+    betas = ",".join(repr(float(beta)) for beta in parameters.betas)
+    comments = (
+        f"{parameters.category} for a {parameters.gender} body, seed {seed}",
+        f"compile it with: --gender {parameters.gender} --betas {betas}",
+    )
+    write_obj(outfit, path, comments=comments)
 
 
 def _outfit_table(plan: Plan) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.errors import GarmentcError
+from garmentc.evaluation.bared_skin import CoveredSkin
 from garmentc.evaluation.clean_frames import CleanFrames, touching_share
 from garmentc.evaluation.metrics import bend, edge_mm, signed_distance
 from garmentc.evaluation.open_arms import open_arms
@@ -44,12 +45,14 @@ class EvaluationOptions:
 class BodyFrames:
     """The body in the evaluated frames of a motion, at the origin: no metric depends on where it walks.
 
+    rest      (V, 3) the body in the rest pose
     poses     (T, 24, 3)
     vertices  (T, V, 3)
     clean     (T,) bool
     """
 
     motion: str
+    rest: NDArray[Any]
     poses: NDArray[Any]
     vertices: NDArray[Any]
     clean: NDArray[np.bool_]
@@ -62,6 +65,7 @@ class FrameScores:
     clean      the body leaves room for cloth
     collision  share of vertices inside the body
     deep       share of vertices deeper inside than DEEP
+    bared      share of the skin that is beneath the cloth at rest and has come through it
     edge_mm    mean |length - rest length|
     bend       mean 1 - cos between neighbouring vertex normals
     """
@@ -70,6 +74,7 @@ class FrameScores:
     clean: NDArray[np.bool_]
     collision: NDArray[np.float64]
     deep: NDArray[np.float64]
+    bared: NDArray[np.float64]
     edge_mm: NDArray[np.float64]
     bend: NDArray[np.float64]
 
@@ -81,6 +86,7 @@ class Summary:
     frames: int
     collision: float | None
     deep: float | None
+    bared: float | None
     edge_mm: float | None
     bend: float | None
 
@@ -90,13 +96,14 @@ def body_frames(body: BodyModel, betas: NDArray[Any] | None, motion: Motion, opt
     poses = open_arms(motion.poses[:: options.step], options.arms_opened)
     vertices = body.posed(poses, betas)
     clean = touching_share(body, betas, vertices, options.clean.margin) <= options.clean.allowed
-    return BodyFrames(motion.name, poses, vertices, clean)
+    return BodyFrames(motion.name, body.shaped(betas), poses, vertices, clean)
 
 
 def evaluate(outfit: PosedOutfit, body: BodyModel, frames: BodyFrames) -> FrameScores:
     """Measure `outfit` against the posed body in every frame."""
     pairs = edges(outfit.triangles)
     rest_lengths = edge_lengths(outfit.rest, pairs)
+    covered = CoveredSkin.of(outfit.rest, outfit.triangles, frames.rest, body.faces)
     rows = []
     for pose, skin in zip(frames.poses, frames.vertices, strict=True):
         vertices = outfit.posed(pose)
@@ -105,11 +112,12 @@ def evaluate(outfit: PosedOutfit, body: BodyModel, frames: BodyFrames) -> FrameS
             (
                 (distance < 0).mean(),
                 (distance < -DEEP).mean(),
+                covered.bared(vertices, skin),
                 edge_mm(vertices, rest_lengths, pairs),
                 bend(vertices, outfit.triangles, pairs),
             )
         )
-    columns = np.array(rows).reshape(-1, 4).T
+    columns = np.array(rows).reshape(-1, 5).T
     return FrameScores(frames.motion, frames.clean, *columns)
 
 
@@ -117,9 +125,9 @@ def summarise(scores: Sequence[FrameScores], clean_only: bool) -> Summary:
     """Means over all frames of several motions, or over their clean frames."""
     taken = np.concatenate([score.clean if clean_only else np.ones_like(score.clean) for score in scores])
     if not taken.any():
-        return Summary(0, None, None, None, None)
+        return Summary(0, None, None, None, None, None)
 
     def mean(name: str) -> float:
         return float(np.concatenate([getattr(score, name) for score in scores])[taken].mean())
 
-    return Summary(int(taken.sum()), mean("collision"), mean("deep"), mean("edge_mm"), mean("bend"))
+    return Summary(int(taken.sum()), *map(mean, ("collision", "deep", "bared", "edge_mm", "bend")))

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 
 from garmentc.evaluation.evaluate import FrameScores, Summary, summarise
 
-_HEADER = ("outfit", "method", "frames", "collided %", "> 1 mm %", "edge mm", "bend")
+_HEADER = ("outfit", "method", "frames", "collided %", "> 1 mm %", "bared %", "edge mm", "bend")
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ def markdown(rows: Sequence[Row]) -> str:
     """Two Markdown tables: clean frames first, then all frames."""
     parts = []
     for title, name in (("Clean frames", "clean"), ("All frames", "all")):
-        lines = [" | ".join(_HEADER), " | ".join(["---", "---"] + ["---:"] * 5)]
+        lines = [" | ".join(_HEADER), " | ".join(["---", "---"] + ["---:"] * 6)]
         lines += [" | ".join((row.outfit, row.method, *_cells(getattr(row, name)))) for row in rows]
         parts.append(f"{title}\n\n" + "\n".join(f"| {line} |" for line in lines))
     return "\n\n".join(parts) + "\n"
@@ -42,6 +42,6 @@ def to_json(rows: Sequence[Row]) -> str:
 
 
 def _cells(summary: Summary) -> tuple[str, ...]:
-    shares = (None if share is None else 100 * share for share in (summary.collision, summary.deep))
-    values = zip((*shares, summary.edge_mm, summary.bend), (2, 2, 2, 3), strict=True)
+    shares = (None if share is None else 100 * share for share in (summary.collision, summary.deep, summary.bared))
+    values = zip((*shares, summary.edge_mm, summary.bend), (2, 2, 2, 2, 3), strict=True)
     return (str(summary.frames), *("–" if value is None else f"{value:.{digits}f}" for value, digits in values))

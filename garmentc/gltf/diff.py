@@ -38,12 +38,11 @@ def _structure(left: GlbAsset, right: GlbAsset) -> Iterator[Difference]:
     yield from unequal("nodes/parents", [node.parent for node in left.nodes], [node.parent for node in right.nodes])
     yield from unequal("nodes/meshes", [node.mesh for node in left.nodes], [node.mesh for node in right.nodes])
     yield from unequal("skins", [skin.joints for skin in left.skins], [skin.joints for skin in right.skins])
-    yield from unequal(
-        "meshes", [len(mesh.primitives) for mesh in left.meshes], [len(mesh.primitives) for mesh in right.meshes]
-    )
+    yield from unequal("meshes", len(left.meshes), len(right.meshes))
     for index, (a, b) in enumerate(zip(left.meshes, right.meshes, strict=False)):
         where = f"meshes/{index}"
         yield from unequal(f"{where}/name", a.name, b.name)
+        yield from unequal(f"{where}/primitives", len(a.primitives), len(b.primitives))
         yield from unequal(f"{where}/targets", a.morph_count, b.morph_count)
         yield from unequal(f"{where}/extras/targetNames", a.target_names, b.target_names)
 

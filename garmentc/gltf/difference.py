@@ -57,9 +57,18 @@ class Difference:
 
 
 def unequal(where: str, left: Any, right: Any) -> Iterator[Difference]:
-    """A difference unless both are the same."""
-    if left != right:
+    """A difference unless both are the same; of lists it tells their lengths, or the first items that differ."""
+    if left == right:
+        return
+    if not all(isinstance(value, (list, tuple)) for value in (left, right)):
         yield Difference(where, f"{_shown(left)} became {_shown(right)}")
+    elif len(left) != len(right):
+        yield Difference(where, f"{len(left)} became {len(right)}")
+    else:
+        changed = [number for number, (a, b) in enumerate(zip(left, right, strict=True)) if a != b]
+        first = changed[0]
+        shown = f"number {first} from {_shown(left[first])} to {_shown(right[first])}"
+        yield Difference(where, f"{len(changed)} of {len(left)} differ, {shown}")
 
 
 def apart(

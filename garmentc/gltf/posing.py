@@ -12,9 +12,24 @@ from garmentc.gltf.glb_asset import GlbAsset, PoseKeyNetwork
 from garmentc.gltf.sampling import sample
 from garmentc.gltf.skeletons import SKELETONS, skeleton_of
 from garmentc.gltf.state import State, rest_state, world_matrices
-from garmentc.rig import ENCODING_GRAVITY_JOINTS, ENCODING_WIDTHS, NORMALIZED_RELU_EPSILON
+from garmentc.rig import ENCODING_GRAVITY_JOINTS, ENCODING_WIDTHS
 from garmentc.smpl.rotations import axis_angle_to_quaternion, quaternion_to_axis_angle
 from garmentc.smpl.skeleton import JOINT_COUNT, JOINT_NAMES
+
+
+def animation_number(asset: GlbAsset, wanted: str) -> int:
+    """The animation that a user means: by its name or, failing that, its number, counting from 0.
+
+    Raises GarmentcError where there is no such animation.
+    """
+    names = [entry.name for entry in asset.animations]
+    if not names:
+        raise GarmentcError("has no animation; compile it with --motion", asset.path)
+    if wanted in names:
+        return names.index(wanted)
+    if wanted.isdecimal() and int(wanted) < len(names):
+        return int(wanted)
+    raise GarmentcError(f"has no animation '{wanted}'; it has {', '.join(names)}", asset.path)
 
 
 def state_at_time(asset: GlbAsset, seconds: float, animation: int = 0) -> State:
@@ -111,11 +126,5 @@ def evaluate_network(asset: GlbAsset, network: PoseKeyNetwork, state: State) -> 
     if len(x) != inputs:
         raise GarmentcError(f"has pose keys that take {inputs} inputs, not {len(x)}", asset.path)
     for layer in network.layers:
-        x = layer.weight.astype(np.float64) @ x + layer.bias
-        if layer.activation in ("relu", "normalized_relu"):
-            x = np.maximum(x, 0)
-        if layer.activation == "normalized_relu":
-            x = x / (x.sum() + NORMALIZED_RELU_EPSILON)
-        if layer.activation == "nonnegative":
-            x = x - x.min()
+        x = layer(x)
     return x

@@ -83,8 +83,14 @@ class MtlMaterial:
 def read_mtl(path: Path) -> tuple[dict[str, MtlMaterial], tuple[Diagnostic, ...]]:
     """The materials of a library by name; the last of several with one name counts, with a warning.
 
+    What is not there (the file's content, as elsewhere the file itself, a material or a texture) is a warning and
+    something plain takes its place: outfits travel without their materials. What is there and cannot be understood is
+    an error: a guess would look like what the artist made.
+
     Raises GarmentcError for an unreadable file and, with the line, for malformed numbers and maps without a name.
     """
+    if not path.stat().st_size:
+        return {}, (Diagnostic("mtl.empty", "is empty and defines no material; export it again", str(path)),)
     text = read_text(path)
     materials: dict[str, MtlMaterial] = {}
     warnings: list[Diagnostic] = []

@@ -85,10 +85,14 @@ def _check_corners(text: ObjText, tables: Tables) -> None:
         beyond = tables.corners[:, column] >= len(rows)
         if beyond.any():
             corner = int(np.argmax(beyond))
-            face = int(np.searchsorted(np.cumsum(tables.counts), corner, side="right"))
-            number = int(tables.corners[corner, column]) + 1
-            message = f"face refers to '{name}' number {number}, but the file has {len(rows)}"
-            raise text.error(f"{message}; it may be cut short, export it again", int(tables.offsets[face]))
+            ends = np.cumsum(tables.counts)
+            face = int(np.searchsorted(ends, corner, side="right"))
+            offset = int(tables.offsets[face])
+            tokens = text.data[offset : text.data.index(b"\n", offset)].split()
+            # As the file has it: the table's number saturates. The first token is the keyword.
+            written = tokens[1 + corner - int(ends[face] - tables.counts[face])].split(b"/")[column].decode()
+            message = f"face refers to '{name}' number {written}, but the file has {len(rows)}"
+            raise text.error(f"{message}; it may be cut short, export it again", offset)
 
 
 def _no_faces(text: ObjText, tables: Tables) -> GarmentcError:

@@ -6,7 +6,6 @@ lines of a kind are parsed in one go; only the rare other statements (names, gro
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -14,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.outfit.obj_faces import ABSENT, parse_corners
+from garmentc.outfit.obj_lines import HASH, Stretch, blank_comments, first_filled, stretches
 from garmentc.outfit.obj_numbers import BLANK, NEWLINE, BadToken, Block, parse_floats
 from garmentc.outfit.obj_text import ObjText
 
-_STRETCH = 1 << 22
-_HASH = ord("#")
 _FLOAT_KEYWORDS = {"v": (3, 4, 6, 7), "vt": (1, 2, 3), "vn": (3,)}
 _LARGEST_INDEX = np.iinfo(np.int32).max
 
@@ -73,7 +71,7 @@ class _Parts:
 def scan(text: ObjText) -> Tables:
     """Read all statements; raises GarmentcError with the line of the first that is malformed."""
     parts = _Parts()
-    for stretch in _stretches(text.data):
+    for stretch in stretches(text.data):
         _scan_stretch(text, stretch, parts)
 
     def joined(name: str, width: int) -> NDArray[np.float64]:
@@ -92,35 +90,8 @@ def scan(text: ObjText) -> Tables:
     )
 
 
-@dataclass(frozen=True)
-class _Stretch:
-    """Whole lines of the file. `text` (B,) writable uint8; lines start at `starts` (L,) and end before `ends` (L,)."""
-
-    offset: int
-    text: NDArray[np.uint8]
-    starts: NDArray[np.int64]
-    ends: NDArray[np.int64]
-
-    def block(self, chosen: NDArray[np.bool_]) -> Block:
-        """The chosen lines, whose keywords and comments have been blanked."""
-        lengths = self.ends + 1 - self.starts
-        text = self.text if chosen.all() else self.text[np.repeat(chosen, lengths)]
-        lines = np.concatenate([[0], np.cumsum(lengths[chosen])])
-        return Block(text, lines, self.starts[chosen] + self.offset)
-
-
-def _stretches(data: bytes) -> Iterator[_Stretch]:
-    start = 0
-    while start < len(data):
-        end = data.find(b"\n", min(start + _STRETCH, len(data) - 1)) + 1
-        text = np.frombuffer(data, np.uint8, end - start, start).copy()
-        ends = np.flatnonzero(text == NEWLINE)
-        yield _Stretch(start, text, np.concatenate([[0], ends[:-1] + 1]), ends)
-        start = end
-
-
-def _scan_stretch(text: ObjText, stretch: _Stretch, parts: _Parts) -> None:
-    first = _first_filled(stretch)
+def _scan_stretch(text: ObjText, stretch: Stretch, parts: _Parts) -> None:
+    first = first_filled(stretch)
     last = len(stretch.text) - 1
     key = [stretch.text[np.minimum(first + i, last)] for i in range(3)]
     short = (key[0] != NEWLINE) & (key[1] <= BLANK)
@@ -132,7 +103,7 @@ def _scan_stretch(text: ObjText, stretch: _Stretch, parts: _Parts) -> None:
         "f": short & (key[0] == ord("f")),
     }
     numeric = kinds["v"] | kinds["vt"] | kinds["vn"] | kinds["f"]
-    other = ~numeric & (key[0] != NEWLINE) & (key[0] != _HASH)
+    other = ~numeric & (key[0] != NEWLINE) & (key[0] != HASH)
 
     faces_before = parts.lengths["f"] + np.cumsum(kinds["f"])
     for i in np.flatnonzero(other).tolist():
@@ -141,7 +112,7 @@ def _scan_stretch(text: ObjText, stretch: _Stretch, parts: _Parts) -> None:
         keyword, _, argument = line.partition(b" ")
         parts.statements.append(Statement(keyword.decode("latin-1"), argument, begin, int(faces_before[i])))
 
-    _blank_comments(stretch, numeric)
+    blank_comments(stretch, numeric)
     before = {name: parts.lengths[name] + np.cumsum(kinds[name]) for name in ("v", "vt", "vn")}
     for name, chosen in kinds.items():
         if not chosen.any():
@@ -154,32 +125,6 @@ def _scan_stretch(text: ObjText, stretch: _Stretch, parts: _Parts) -> None:
         else:
             _add_rows(text, block, name, parts)
         parts.lengths[name] += int(chosen.sum())
-
-
-def _first_filled(stretch: _Stretch) -> NDArray[np.int64]:
-    """(L,) position of each line's first byte that is not blank (its newline, where the line is empty)."""
-    first = stretch.starts.copy()
-    indented = stretch.text[first] == BLANK
-    if indented.any():
-        filled = np.flatnonzero(stretch.text != BLANK)
-        first[indented] = filled[np.searchsorted(filled, first[indented])]
-    return first
-
-
-def _blank_comments(stretch: _Stretch, chosen: NDArray[np.bool_]) -> None:
-    """Blank everything from '#' to the line's end in the chosen lines; the '#' of "1.#IND" starts no comment."""
-    hashes = np.flatnonzero(stretch.text == _HASH)
-    hashes = hashes[stretch.text[np.maximum(hashes - 1, 0)] != ord(".")]
-    if not len(hashes):
-        return
-    lines, first = np.unique(np.searchsorted(stretch.ends, hashes), return_index=True)
-    wanted = chosen[lines]
-    if not wanted.any():
-        return
-    step = np.zeros(len(stretch.text), np.int8)
-    step[hashes[first[wanted]]] = 1
-    step[stretch.ends[lines[wanted]]] = -1
-    stretch.text[np.cumsum(step, dtype=np.int8).astype(bool)] = BLANK
 
 
 def _add_rows(text: ObjText, block: Block, name: str, parts: _Parts) -> None:
@@ -234,9 +179,9 @@ def _add_faces(text: ObjText, block: Block, before: dict[str, NDArray[np.int64]]
     counts = block.counts(starts)
     if (counts < 3).any():
         wrong = int(np.argmax(counts < 3))
+        corners_found = "1 corner" if counts[wrong] == 1 else f"{counts[wrong]} corners"
         raise text.error(
-            f"a face with {counts[wrong]} corners; it needs 3 or more; remove it or export again",
-            int(block.origin[wrong]),
+            f"a face with {corners_found}; it needs 3 or more; remove it or export again", int(block.origin[wrong])
         )
     try:
         corners = parse_corners(block, starts)
@@ -252,9 +197,8 @@ def _add_faces(text: ObjText, block: Block, before: dict[str, NDArray[np.int64]]
             low = back & (relative + above < 0)
             if low.any():
                 corner = int(np.argmax(low))
-                message = (
-                    f"face index {relative[corner]} reaches before the first '{name}': {above[corner]} stand above"
-                )
+                there = f"{above[corner]} stand above it; export it again"
+                message = f"face index {relative[corner]} reaches before the first '{name}': {there}"
                 raise text.error(message, block.offset(int(starts[corner])))
             resolved[back, column] = (relative + above)[back]
         resolved[corners == ABSENT] = -1

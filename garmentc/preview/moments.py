@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from garmentc.errors import GarmentcError
 from garmentc.gltf.glb_asset import GlbAsset
-from garmentc.gltf.posing import smpl_joints, state_at_pose, state_at_time
+from garmentc.gltf.posing import animation_number, smpl_joints, state_at_pose, state_at_time
 from garmentc.gltf.state import State
 from garmentc.preview.poses import telling_poses
 from garmentc.smpl.rotations import quaternion_to_axis_angle
@@ -34,7 +34,7 @@ def choose_moments(asset: GlbAsset, count: int, animation: str | None = None) ->
     Raises GarmentcError where there is no such animation, or too few built-in poses.
     """
     if asset.animations:
-        number = _animation(asset, animation or "0")
+        number = animation_number(asset, animation or "0")
         times = (np.arange(count) + 0.5) / count * asset.animations[number].duration
         states = [state_at_time(asset, float(time), number) for time in times]
         return tuple(Moment(f"{time:.2f} s", state, True) for time, state in zip(times, states, strict=True))
@@ -45,15 +45,6 @@ def choose_moments(asset: GlbAsset, count: int, animation: str | None = None) ->
         raise GarmentcError(f"has no animation, and there are only {len(poses)} poses; ask for fewer", asset.path)
     chosen = list(poses.items())[:count]
     return tuple(Moment(name, state_at_pose(asset, pose), False) for name, pose in chosen)
-
-
-def _animation(asset: GlbAsset, wanted: str) -> int:
-    names = [entry.name for entry in asset.animations]
-    if wanted in names:
-        return names.index(wanted)
-    if wanted.isdigit() and int(wanted) < len(names):
-        return int(wanted)
-    raise GarmentcError(f"has no animation '{wanted}'; it has {', '.join(names)}", asset.path)
 
 
 def body_pose(asset: GlbAsset, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from garmentc.gltf.glb_asset import GlbAsset
 from garmentc.gltf.inspect import GlbSummary, inspect_glb
-from garmentc.gltf.posing import smpl_joints
+from garmentc.gltf.posing import pose_key_network, smpl_joints
 from garmentc.output import written_whole
 from garmentc.preview.poses import telling_poses
 from garmentc.smpl.body import BodyModel
@@ -56,6 +56,7 @@ def write_page(asset: GlbAsset, body: BodyModel | None, betas: NDArray[Any] | No
             "rest": np.zeros((JOINT_COUNT, 3)).tolist(),
             **{name: pose.round(5).tolist() for name, pose in telling_poses().items()},
         },
+        "weights": _weight_range(asset),
         "facts": _facts(inspect_glb(asset), body),
         "body": None if body is None else _body(body, betas),
     }
@@ -105,12 +106,20 @@ def _body(body: BodyModel, betas: NDArray[Any] | None) -> dict[str, Any]:
     }
 
 
+def _weight_range(asset: GlbAsset) -> tuple[float, float]:
+    """Ends of the sliders of the morph weights: 0 and 1 as the compiler keeps them, else (profile reference) wider."""
+    morphed = [node for node in asset.outfit_nodes if asset.meshes[asset.nodes[node].mesh or 0].morph_count]
+    networks = [pose_key_network(asset, node) for node in morphed]
+    within = all(network is not None and network.layers[-1].activation == "nonnegative" for network in networks)
+    return (0.0, 1.0) if within else (-2.0, 2.0)
+
+
 def _facts(summary: GlbSummary, body: BodyModel | None) -> list[tuple[str, str]]:
     """Names and values of the table of statistics."""
     materials = {primitive.material for primitive in summary.primitives}
     sizes = [f"{image.width} x {image.height}" for image in summary.images]
     facts = [
-        ("file size", f"{summary.bytes / 1e6:.2f} MB"),
+        ("file size", f"{summary.bytes / 2**20:.2f} MiB"),
         ("vertices", f"{sum(primitive.vertices for primitive in summary.primitives):,}"),
         ("triangles", f"{sum(primitive.triangles for primitive in summary.primitives):,}"),
         ("materials", str(len(materials))),
@@ -119,9 +128,9 @@ def _facts(summary: GlbSummary, body: BodyModel | None) -> list[tuple[str, str]]
         ("morph targets", str(len(summary.morphs))),
     ]
     facts += [("pose-key network", " - ".join(map(str, network.layers))) for network in summary.pose_keys]
-    facts += [("animation", f"{entry.name}, {entry.seconds:.2f} s") for entry in summary.animations]
+    facts += [("animation", f"{entry.seconds:.2f} s, {entry.name}") for entry in summary.animations]
     facts += [("body", body.name)] if body is not None else []
-    facts += [("extensions", ", ".join(summary.extensions) or "none"), ("made by", summary.generator)]
+    facts += [("extensions", "\n".join(summary.extensions) or "none"), ("made by", summary.generator)]
     return facts
 
 

@@ -214,6 +214,6 @@ def _facts(asset: GlbAsset) -> str:
         f"{sum(len(primitive.positions) for primitive in primitives):,} vertices",
         f"{sum(len(primitive.triangles) for primitive in primitives):,} triangles",
         f"{sum(mesh.morph_count for mesh in meshes)} morph targets",
-        f"{asset.file_bytes / 1e6:.1f} MB",
+        f"{asset.file_bytes / 2**20:.1f} MiB",
     ]
     return "   ".join(facts)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from garmentc.errors import GarmentcError
 from garmentc.simulation.fabrics import Fabric
+from garmentc.simulation.native_stderr import native_stderr_closed
 from garmentc.simulation.simulation_settings import SimulationSettings
 
 _GRAVITY = -9.81
@@ -180,8 +181,10 @@ def import_newton() -> tuple[Any, Any]:
     try:
         import warp as wp
 
-        wp.config.log_level = wp.LOG_ERROR  # before newton initialises it: no banner, no word on graphics cards
+        wp.config.log_level = wp.LOG_ERROR  # before newton initialises it: no banner
         wp.ScopedTimer.enabled = False  # the solver times its set-up there
+        with native_stderr_closed():  # Warp's own library says there that it found no CUDA, whatever its log level
+            wp.init()
         import newton
         import newton.solvers
     except ImportError as error:

@@ -42,6 +42,7 @@ export class Stage {
     this.controls.minDistance = 0.3;
     this.controls.maxDistance = 12;
     this.middle = new Vector3();
+    this.place = null; // of the figure, when it was last seen
   }
 
   set theme(dark) {
@@ -68,8 +69,11 @@ export class Stage {
     this.controls.update();
   }
 
-  /** Keep lamp and shadow with a figure that walks. */
+  /** Keep camera, lamp and floor with a figure that walks; `place` is that of its pelvis in the world. */
   follow(place) {
+    const step = this.place ? place.clone().sub(this.place).setY(0) : new Vector3();
+    for (const point of [this.middle, this.controls.target, this.camera.position, this.floor.position]) point.add(step);
+    this.place = place.clone();
     this.lamp.target.position.set(place.x, this.middle.y, place.z);
     this.lamp.position.copy(this.lamp.target.position).add(new Vector3(-1.3, 3.4, 2.2));
   }

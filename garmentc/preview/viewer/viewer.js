@@ -31,10 +31,11 @@ async function start() {
   by('message').remove();
 
   const refreshers = [
-    display(stage, figure), poses(figure, content), joints(figure, content), morphs(figure),
+    display(stage, figure), poses(figure, content), joints(figure, content), morphs(figure, content),
     timeline(figure), facts(content),
   ];
   views(stage);
+  const place = figure.bones[0].position.clone();
   let before = performance.now(), awake = LINGER, frame = 0;
   const wake = () => { awake = LINGER; };
   for (const event of ['input', 'click', 'keydown']) document.addEventListener(event, wake);
@@ -47,7 +48,7 @@ async function start() {
     if (figure.posed) figure.standOn(stage.ground); // animations know where the floor is
     if (figure.moving || stage.controls.autoRotate) wake();
     if (awake-- <= 0) return requestAnimationFrame(tick);
-    stage.follow(figure.bones[0].getWorldPosition(stage.lamp.target.position));
+    stage.follow(figure.bones[0].getWorldPosition(place));
     stage.draw();
     if (!figure.playing || frame++ % 4 === 0) for (const refresh of refreshers) refresh?.(seconds);
     return requestAnimationFrame(tick);
@@ -107,7 +108,7 @@ function joints(figure, {jointNames}) {
   };
 }
 
-function morphs(figure) {
+function morphs(figure, {weights: [low, high]}) {
   const sources = [...figure.clips.length ? [BAKED] : [], ...figure.drivers.length ? [NETWORK] : [], BY_HAND];
   const source = choice(sources, name => figure.driveBy(name));
   const note = element('p', {className: 'note', textContent: 'Weights set by'});
@@ -115,7 +116,7 @@ function morphs(figure) {
   const rows = figure.morphed.flatMap(meshes => meshes[0].morphTargetInfluences.map((_, target) => {
     const name = Object.entries(meshes[0].morphTargetDictionary ?? {}).find(([, index]) => index === target)?.[0];
     const change = weight => figure.setMorph(meshes, target, weight);
-    const one = slider(name ?? `${target}`, [-2, 2, 0.01], value => value.toFixed(2), change);
+    const one = slider(name ?? `${target}`, [low, high, 0.01], value => value.toFixed(2), change);
     by('morphs').append(one.row);
     return {one, meshes, target};
   }));
