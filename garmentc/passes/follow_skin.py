@@ -39,7 +39,7 @@ class FollowSkin:
 
     reach: float = 0.02
     tight: float = 0.003
-    saved: float = 2.5e-4
+    saved: float = 2e-3
     poses: int = 20
     anchors: int = 2000
     smoothing: int = 30

@@ -43,22 +43,29 @@ class PosedCloth:
         size = np.maximum(np.sqrt(np.einsum("inp,inp->np", gradient, gradient)), 1e-3)
         return cls(posed, lacking / size, gradient / size)
 
-    def of_vertices(self, rows: NDArray[np.intp]) -> PosedCloth:
-        """Some of the vertices."""
-        posed = PosedVertices(self.posed.vertices[:, rows], self.posed.turn[:, :, rows])
-        return PosedCloth(posed, self.lacking[rows], self.outwards[:, rows])
+    def settled(
+        self, moved: NDArray[np.float32], springs: Springs, rounds: int, relaxation: float, momentum: float
+    ) -> NDArray[np.float32]:
+        """Rest-space displacements (3, n, P) that cloth with the displacements `moved` comes to in so many rounds.
 
-    def step(self, moved: NDArray[np.float32], springs: Springs, relaxation: float) -> NDArray[np.float32]:
-        """Rest-space step (3, n, P) from displacements `moved` (3, n, P).
-
-        It goes towards unstretched springs, a share `relaxation` of the way that would be right for an edge alone, and
-        from there along the skin's normal for what is too close to it.
+        A round goes towards unstretched springs, a share `relaxation` of the way that would be right for an edge alone,
+        and from there out to where it should be; it begins a share `momentum` of the last round's way ahead.
         """
-        turn = self.posed.turn
-        vertices = np.einsum("ijnp,jnp->inp", turn, moved)
-        vertices += self.posed.vertices
-        step: NDArray[np.float32] = np.einsum("ijnp,inp->jnp", turn, springs.pull(vertices))
-        step *= relaxation
-        lacking = self.lacking - np.einsum("inp,inp->np", self.outwards, moved + step)
-        step += self.outwards * np.maximum(lacking, 0)
-        return step
+        before = moved
+        for _ in range(rounds):
+            ahead = moved + np.float32(momentum) * (moved - before)
+            vertices = np.einsum("ijnp,jnp->inp", self.posed.turn, ahead)
+            vertices += self.posed.vertices
+            step = np.einsum("ijnp,inp->jnp", self.posed.turn, springs.pull(vertices))
+            step *= relaxation
+            ahead += step
+            ahead += self.way_out(ahead)
+            before, moved = moved, ahead
+        return moved
+
+    def way_out(self, moved: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The rest-space step (3, n, P), from displacements `moved`, of what is too close to the skin there."""
+        lacking = self.lacking - np.einsum("inp,inp->np", self.outwards, moved)
+        np.maximum(lacking, 0, out=lacking)
+        way: NDArray[np.float32] = self.outwards * lacking
+        return way

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -33,9 +34,6 @@ _CHECKED = 8
 _NEGLIGIBLE = 0.01
 """Combinations of keys whose mean square is below this share of the ridge get less than a hundredth of the movement."""
 
-_FEWER = 4
-"""How many times fewer anchors the coarse rounds move."""
-
 
 @dataclass(frozen=True)
 class ResolveCollisions:
@@ -47,25 +45,25 @@ class ResolveCollisions:
     poses       how many poses to look at
     searched    in how many poses to search all of the skin for what is nearest to a vertex
     anchors     vertices to look at; those between them move with them
-    coarse      rounds of bringing edges back to their lengths and pushing out what is too close, with few anchors:
-                the cloth's way out as a whole, which takes a round for each edge with many
-    iterations  rounds of the same with all anchors, from there
+    settling    rounds of bringing edges back to their lengths and pushing out what is too close, in every pose by
+                itself. What all poses have come to is regressed on the keys, and what then still is too close pushed
+                out and regressed again; so many times
     ridge       how much movement must be worth it, relative to the keys' own size; with less, shapes grow so large that
                 single precision shows at rest
     relaxation  how far a round brings edges back, of the step that would do for an edge alone
-    smoothing   how far a round brings the movement of vertices to that of their neighbours; keeps cloth from crumpling
+    smoothing   how far the movement of vertices is brought to that of their neighbours before each regression; keeps
+                cloth from crumpling
     momentum    how much of a round's movement the next one goes on with
 
-    Rounds settle on any mesh, even a lace, where relaxation < 1 + 1 / (1 + 2 momentum) and smoothing < 1 / 2.
+    Rounds settle on any mesh, even a lace, where relaxation < 1 + 1 / (1 + 2 momentum); smoothing must be < 1 / 2.
     """
 
     clearance: float = CLEARANCE
     bulge: float = 0.005
-    poses: int = 384
+    poses: int = 256
     searched: int = 24
     anchors: int = 3000
-    coarse: int = 8
-    iterations: int = 10
+    settling: tuple[int, ...] = (25, 4, 4, 4)
     ridge: float = 0.2
     relaxation: float = 1.2
     smoothing: float = 0.2
@@ -77,11 +75,12 @@ def resolve_collisions(
 ) -> tuple[Rig, PassReport]:
     """Add to the blend shapes what keeps vertices out of the body and edges at their lengths, in the poses to fit.
 
-    Shapes are smoothed. In every pose, vertices then get a rest-space displacement that brings the edges they are at
-    back to the lengths of the rest pose, as springs (position-based dynamics, Mueller et al. 2007, averaged over a
-    vertex's edges), and those too close to the skin another that brings them out along its normal. Those displacements
-    are regressed on the keys that the rig already has (ridge least squares, one matrix for all vertices), so nothing is
-    added at run time, and the rest pose stays as it is because keys are 0 there. What is left over is moved again.
+    In every pose, vertices get a rest-space displacement that brings the edges they are at back to the lengths of the
+    rest pose, as springs (position-based dynamics, Mueller et al. 2007, averaged over a vertex's edges), and those too
+    close to the skin another that brings them out along its normal, round after round. What the cloth has come to is
+    regressed on the keys that the rig already has (ridge least squares, one matrix for all vertices), so nothing is
+    added at run time, and the rest pose stays as it is because keys are 0 there. Regressed after every round, what keys
+    cannot express would be pushed at again and again, and shapes would grow; so poses settle first.
     A network's keys have few principal combinations; the shapes of those are what is worked on.
     """
     if rig.keys is None or not rig.morph_count:
@@ -101,12 +100,7 @@ def resolve_collisions(
         bulging = Bulging.of(rig.template, joined, anchors.rows, springs, options.bulge)
         cloth = over_blocks(lambda block: PosedCloth.of(part, block, skin, wanted, bulging), fit, _POSES_AT_ONCE)
         regression = _Regression.on(keys, options.ridge)
-        few = anchors.among(len(anchors.rows) // _FEWER + 1)
-        shapes = np.zeros((3, len(few.rows), len(regression.kept)), dtype=np.float32)
-        thinned = [block.of_vertices(few.rows) for block in cloth]
-        spanning = Springs.of(part.template[few.rows], few.joined(pairs))
-        shapes = _relaxed(shapes, thinned, spanning, regression, options.coarse, options)
-        shapes = _relaxed(_carried(shapes, few), cloth, springs, regression, options.iterations, options)
+        shapes = _settled(cloth, springs, regression, options)
         resolved = replace(
             rig, blend_shapes=_plus(rig.blend_shapes, shapes, regression.axes, anchors), blend_normals=None
         )
@@ -145,43 +139,37 @@ class _Regression:
         return cls(*(array.astype(np.float32) for array in (axes, amounts, weights, kept)))
 
 
-def _relaxed(
-    shapes: NDArray[np.float32],
-    cloth: Sequence[PosedCloth],
-    springs: Springs,
-    regression: _Regression,
-    rounds: int,
-    options: ResolveCollisions,
+def _settled(
+    cloth: Sequence[PosedCloth], springs: Springs, regression: _Regression, options: ResolveCollisions
 ) -> NDArray[np.float32]:
-    """Shapes (3, n, r) to add, from those given, so that they do all that in the poses of the blocks of `cloth`."""
+    """Shapes (3, n, r) to add so that the n vertices do all that in the poses of the blocks of `cloth`."""
     ends = np.cumsum([block.lacking.shape[1] for block in cloth])[:-1]
     amounts, weights = (np.split(array, ends) for array in (regression.amounts, regression.weights))
     smoothing = options.smoothing * regression.kept
-    before = shapes
+    shapes = np.zeros((3, len(cloth[0].lacking), len(regression.kept)), dtype=np.float32)
 
-    def step(block: PosedCloth, amounts: NDArray[np.float32], weights: NDArray[np.float32]) -> NDArray[np.float32]:
-        result: NDArray[np.float32] = block.step(ahead @ amounts.T, springs, options.relaxation) @ weights
+    def step(
+        block: PosedCloth, amounts: NDArray[np.float32], weights: NDArray[np.float32], rounds: int
+    ) -> NDArray[np.float32]:
+        moved = shapes @ amounts.T
+        if rounds:
+            way = block.settled(moved, springs, rounds, options.relaxation, options.momentum) - moved
+        else:
+            way = block.way_out(moved)
+        result: NDArray[np.float32] = way @ weights
         return result
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for _ in range(rounds):
-            ahead = shapes + options.momentum * (shapes - before)
-            ahead += smoothing * springs.roughness(ahead)
+        for rounds in itertools.chain.from_iterable((rounds, 0) for rounds in options.settling):
+            shapes += smoothing * springs.roughness(shapes)
             # Blocks come back in order: threads do not change the sum.
-            before, shapes = shapes, sum(pool.map(step, cloth, amounts, weights), start=ahead)
+            shapes = sum(pool.map(step, cloth, amounts, weights, itertools.repeat(rounds)), start=shapes)
     return shapes
 
 
 def _by_vertex(shapes: NDArray[np.float32]) -> NDArray[np.float32]:
     """(n, 3r) from shapes (3, n, r)."""
     return shapes.transpose(1, 0, 2).reshape(shapes.shape[1], -1)
-
-
-def _carried(shapes: NDArray[np.float32], anchors: Anchors) -> NDArray[np.float32]:
-    """Shapes (3, N, r) of all vertices from those of the anchors, (3, n, r)."""
-    blocks = anchors.interpolators(len(anchors.places))
-    carried = np.concatenate([interpolator @ _by_vertex(shapes) for _, interpolator in blocks])
-    return np.ascontiguousarray(carried.reshape(len(carried), 3, -1).transpose(1, 0, 2))
 
 
 def _plus(

@@ -84,7 +84,7 @@ def gender_misfits(guesses: Guesses, cloth: ClothSample, bodies: Bodies) -> dict
     close = np.abs(distances).min(axis=0) < CLOSE
     told = distances[:, close] if close.any() else distances
     scores = misfit(told) + unevenness(told)
-    return {gender: guesses[gender].skin * float(score) for gender, score in zip(guesses, scores, strict=True)}
+    return {gender: guesses[gender].prior * float(score) for gender, score in zip(guesses, scores, strict=True)}
 
 
 def choose_gender(misfits: Mapping[str, float]) -> tuple[str, tuple[Diagnostic, ...]]:
