@@ -125,28 +125,6 @@ def test_mean_edge_lengths_are_those_of_the_springs() -> None:
     np.testing.assert_allclose(mean[0], first.mean(), rtol=1e-5)
 
 
-def test_anchors_among_anchors_carry_over_to_all_of_them() -> None:
-    rig = make_rig()
-    anchors = Anchors.of(rig, rig.vertex_count // 2)
-    few = anchors.among(len(anchors.rows) // 3)
-    np.testing.assert_array_equal(few.places, anchors.places[anchors.rows])
-    (_, interpolator), *more = few.interpolators(len(anchors.rows))
-    assert not more
-    assert interpolator.shape == (len(anchors.rows), len(few.rows))
-    np.testing.assert_allclose(interpolator[few.rows].toarray(), np.eye(len(few.rows)), atol=1e-4)
-
-
-def test_anchors_among_anchors_do_not_depend_on_the_order_of_vertices() -> None:
-    places = np.random.default_rng(4).normal(size=(300, 6))
-    order = np.random.default_rng(5).permutation(300)
-    few, shuffled = (Anchors(np.arange(300), own).among(40) for own in (places, places[order]))
-    assert len(few.rows) == 40
-    assert set(few.rows) == set(order[shuffled.rows])
-    gaps = np.linalg.norm(places - places[few.rows][:, None], axis=2).min(axis=0)
-    other = np.linalg.norm(places - places[:40][:, None], axis=2).min(axis=0)
-    assert gaps.max() < other.max(), "spread better than the first that come"
-
-
 def test_anchors_are_joined_where_the_cloth_between_them_is() -> None:
     rig = make_rig()
     pairs = edges(rig.triangles)

@@ -50,9 +50,7 @@ def test_skinning_commutes_with_mirroring(poses: np.ndarray) -> None:
     sample = make_sample("patch", sequence.template, sequence.faces, body)
     other = mirrored_sample(sample)
     transforms = body.transforms(poses)[:, :, :3]
-    posed = skin(
-        np.broadcast_to(sample.vertices.numpy(), (6, *sample.vertices.shape)), sample.skin.numpy(), transforms
-    )
+    posed = skin(np.broadcast_to(sample.vertices.numpy(), (6, *sample.vertices.shape)), sample.skin.numpy(), transforms)
     mirrored = skin(
         np.broadcast_to(other.vertices.numpy(), (6, *other.vertices.shape)),
         other.skin.numpy(),

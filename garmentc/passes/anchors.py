@@ -37,21 +37,6 @@ class Anchors:
         normals = _NORMAL_REACH * vertex_normals(template, rig.triangles)
         return cls(spread_vertices(rig.vertex_count, most), np.concatenate([template, normals], axis=1))
 
-    def among(self, most: int) -> Anchors:
-        """At most `most` of the anchors, as anchors of all of them: the same whatever order the vertices come in.
-
-        Each is the one that is farthest from those before it (Gonzalez 1985).
-        """
-        own = self.places[self.rows] - self.places[self.rows].mean(axis=0)
-        squares = np.einsum("ij,ij->i", own, own)
-        row, nearest = int(squares.argmax()), np.full(len(own), np.inf)
-        rows = [row]
-        while len(rows) < min(most, len(own)):
-            nearest = np.minimum(nearest, squares - 2 * (own @ own[row]) + squares[row])
-            row = int(nearest.argmax())
-            rows.append(row)
-        return Anchors(np.unique(rows), self.places[self.rows])
-
     @cached_property
     def smoother(self) -> Any:
         """Sparse (n, n) float32: the mean of each anchor and its nearest others."""

@@ -1,0 +1,94 @@
+"""What the body holds up by an upper rim, on garments cut as surfaces of revolution round the default body."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from worn import BODY
+
+from garmentc.families.held_cloth import held_cloth
+from garmentc.outfit.topology import edges
+from garmentc.smpl.nearest import surface_body_weights
+from garmentc.smpl.skeleton import JOINT_NAMES
+
+JOINTS = BODY.joints()
+PELVIS, KNEE, WRIST = (JOINTS[JOINT_NAMES.index(name)] for name in ("pelvis", "left_knee", "left_wrist"))
+SHOULDER = JOINTS[JOINT_NAMES.index("left_shoulder"), 1]
+
+
+def tube(
+    middle: np.ndarray,
+    top: float,
+    length: float,
+    radius: float,
+    *,
+    around: int = 48,
+    span: float = 2 * np.pi,
+    tilt: float = 0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles of a tube about a vertical; its rim rises by `tilt` per metre forwards."""
+    rings = 12
+    angle = span * np.arange(around) / around
+    ring = np.column_stack([np.sin(angle), np.zeros(around), np.cos(angle)]) * radius
+    rows = [ring + np.array([middle[0], top - length * k / (rings - 1), middle[2]]) for k in range(rings)]
+    vertices = np.concatenate(rows)
+    vertices[:, 1] += tilt * (vertices[:, 2] - middle[2])
+    k, i = np.meshgrid(np.arange(rings - 1), np.arange(around if span == 2 * np.pi else around - 1), indexing="ij")
+    a, b = k * around + i, k * around + (i + 1) % around
+    quads = np.stack([a, b, b + around, a + around], axis=-1).reshape(-1, 4)
+    return vertices, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def skirt(**shape: float) -> tuple[np.ndarray, np.ndarray]:
+    return tube(PELVIS, PELVIS[1] + 0.1, 0.5, 0.2, **shape)
+
+
+@pytest.mark.parametrize("tilt", [0, 0.2])
+@pytest.mark.parametrize("around", [16, 48])
+def test_a_skirt_hangs_on_its_waistband(tilt: float, around: int) -> None:
+    vertices, triangles = skirt(tilt=tilt, around=around)
+    cloth = held_cloth(vertices, edges(triangles), BODY)
+    assert (cloth.held == 1).all()
+    assert cloth.firmness[:around].min() > 0.85  # the rim itself
+    ring = cloth.firmness.reshape(12, around)
+    assert (np.diff(ring, axis=0) < 1e-6).all()
+    assert ring[6:].max() < 0.01
+    np.testing.assert_allclose(cloth.skin, surface_body_weights(vertices, BODY.shaped(), BODY), atol=1e-6)
+
+
+def test_a_slit_or_a_fly_changes_nothing_but_half_a_skirt_is_not_held() -> None:
+    for span, held in ((1.8 * np.pi, True), (np.pi, False)):
+        vertices, triangles = skirt(span=span)
+        assert held_cloth(vertices, edges(triangles), BODY).held.any() == held
+
+
+def test_what_goes_over_the_shoulders_hangs_on_them() -> None:
+    for top, held in ((SHOULDER + 0.02, False), (SHOULDER - 0.1, True)):
+        vertices, triangles = tube(PELVIS, top, 0.6, 0.22)
+        assert held_cloth(vertices, edges(triangles), BODY).held.any() == held
+
+
+def test_a_sock_is_held_and_a_button_and_a_sleeve_are_not() -> None:
+    sock = tube(KNEE, KNEE[1] - 0.1, 0.2, 0.07)
+    button = tube(PELVIS + np.array([0, 0, 0.25]), PELVIS[1], 0.01, 0.01)
+    vertices, triangles = tube(np.zeros(3), 0, 0.2, 0.06)
+    sleeve = vertices[:, [1, 0, 2]] + WRIST, triangles
+    for (points, faces), held in ((sock, True), (button, False), (sleeve, False)):
+        assert held_cloth(points, edges(faces), BODY).held.any() == held
+
+
+def test_every_garment_of_an_outfit_is_judged_by_itself_in_any_order() -> None:
+    vertices, triangles = skirt()
+    top, faces = tube(PELVIS, SHOULDER + 0.05, 0.5, 0.22)
+    points, joined = np.concatenate([vertices, top]), edges(np.concatenate([triangles, faces + len(vertices)]))
+    cloth = held_cloth(points, joined, BODY)
+    assert (cloth.held[: len(vertices)] == 1).all()
+    assert not cloth.firmness[len(vertices) :].any()
+    order = np.random.default_rng(0).permutation(len(points))
+    shuffled = held_cloth(points[order], np.argsort(order)[joined], BODY)
+    np.testing.assert_allclose(shuffled.firmness, cloth.firmness[order], atol=1e-7)
+
+
+def test_nothing_is_held_of_nothing() -> None:
+    cloth = held_cloth(np.zeros((0, 3)), np.zeros((0, 2), int), BODY)
+    assert cloth.skin.shape == (0, 24)
