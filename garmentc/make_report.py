@@ -47,7 +47,7 @@ def make_report(
         profile=options.profile,
         outfit=_outfit_facts(first.dressed),
         alignment=_alignment_facts(first.dressed.alignment),
-        model=ModelFacts(options.family, first.source.bundle.name),
+        model=ModelFacts(options.family, first.source.bundle.name, options.fabric),
         passes=first.passes,
         rig=RigFacts(
             joints=len(first.rig.joints),

@@ -83,6 +83,7 @@ class CompileOptions:
     skeleton                 whose names the joints have; all but "smpl" also stand on the ground
     with_body                write the body beside the outfit, as a second mesh on the same skeleton
     keys_onnx                also write the pose-key network as an ONNX file
+    fabric                   that the outfit is made of, one that the bundle knows; None is unknown
     bundle                   folder of a model bundle; None is the one that ships with the package
     family                   model family
     name                     name of the asset; None is the OBJ's file name
@@ -111,6 +112,7 @@ class CompileOptions:
     skeleton: SkeletonName = "smpl"
     with_body: bool = False
     keys_onnx: Path | None = None
+    fabric: str | None = None
     bundle: Path | None = None
     family: Family = "deepsd"
     name: str | None = None

@@ -89,7 +89,7 @@ def compile_outfit(
         all_dressed = dress_together(sources, options)
     with clock("infer"):
         rigs = [
-            infer(source.bundle, dressed, inferred(number))
+            infer(source.bundle, dressed, options.fabric, inferred(number))
             for number, (source, dressed) in enumerate(zip(sources, all_dressed, strict=True))
         ]
     with clock("optimise"):
@@ -118,10 +118,12 @@ def _check(paths: Sequence[Path], output: Path, options: CompileOptions) -> None
 
 def read_inputs(outfit: Path, options: CompileOptions) -> Inputs:
     """Read and check the outfit with its materials, the parameters and the model bundle."""
+    bundle = load_bundle(options.bundle)
+    bundle.encode_fabric(options.fabric)  # raises now what would fail later
     return Inputs(
         outfit=read_obj(outfit, allow_external_textures=options.allow_external_textures),
         parameters=Parameters() if options.params is None else read_parameters(options.params),
-        bundle=load_bundle(options.bundle),
+        bundle=bundle,
     )
 
 
@@ -182,14 +184,21 @@ def _bodies(path: Path | None, gender: str) -> Mapping[str, BodyModel] | Callabl
     return {body.gender: body}
 
 
-def infer(bundle: Bundle, dressed: Dressed, progress: Callable[[int, int], None] = lambda done, total: None) -> Rig:
+def infer(
+    bundle: Bundle,
+    dressed: Dressed,
+    fabric: str | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Rig:
     """Run the bundle's networks, once: the outfit becomes a rig."""
     vertices, triangles = dressed.welded.vertices, dressed.welded.triangles
     body, betas = dressed.alignment.body, dressed.alignment.betas
     joined = edges(triangles)
     cloth = held_cloth(vertices, joined, body, betas)
     normals = vertex_normals(vertices, triangles)
-    return deepsd.infer(bundle, vertices, normals, triangles, joined, body.joints(betas), cloth, progress=progress)
+    return deepsd.infer(
+        bundle, vertices, normals, triangles, joined, body.joints(betas), cloth, fabric, progress=progress
+    )
 
 
 Pass = Callable[[Rig, PoseSet], tuple[Rig, PassReport]]

@@ -102,6 +102,7 @@ class ModelFacts:
 
     family: str
     bundle: str
+    fabric: str | None
 
 
 @dataclass(frozen=True)

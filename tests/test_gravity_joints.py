@@ -23,7 +23,7 @@ from garmentc.smpl.skeleton import MIRROR
 
 torch = pytest.importorskip("torch")
 
-from garmentc.training.bundle_record import export_all  # noqa: E402
+from garmentc.training.bundle_record import export_run  # noqa: E402
 from garmentc.training.checkpoint import DataFacts, read_checkpoint  # noqa: E402
 from garmentc.training.deepsd_network import Deepsd, DeepsdConfig  # noqa: E402
 from garmentc.training.mirroring import mirrored_poses  # noqa: E402
@@ -99,7 +99,7 @@ def test_a_run_is_trained_exported_and_compiled_with(tmp_path: Path) -> None:
     assert train(recipe, outfits, [], DataFacts("tiny", "0" * 64, 4, 44), run).finished
     checkpoint = read_checkpoint(run)
     assert checkpoint is not None
-    export_all(checkpoint, run)
+    export_run(checkpoint, run / "bundle")
     compile_outfit(gown(tmp_path / "gown.obj"), tmp_path / "a.glb", bundle=run / "bundle", profile="reference")
     assert [finding for finding in validate_glb(read_glb(tmp_path / "a.glb")) if finding.severity == "error"] == []
     network_read = read_glb(tmp_path / "a.glb").meshes[0].pose_keys

@@ -204,14 +204,14 @@ def test_a_bundle_moves_an_outfit_as_the_network_does(
             parameter.add_(0.05 * torch.randn_like(parameter))
     checkpoint = Checkpoint(told, DATA, network.state_dict(), None, Progress())
     fabric = "silk" if metadata else None
-    export_run(checkpoint, tmp_path, fabric=fabric)
+    export_run(checkpoint, tmp_path)
 
     body = load_default_body("female")
     vertices, triangles = body.shaped()[:2000], body.faces[(body.faces < 2000).all(axis=1)]
     sample = make_sample("skin", vertices, triangles, PosableBody.of(body, np.zeros(10)))
     joined, normals = edges(triangles), vertex_normals(vertices, triangles)
     cloth = held_cloth(vertices, joined, body)
-    rig = deepsd.infer(load_bundle(tmp_path), vertices, normals, triangles, joined, body.joints(), cloth)
+    rig = deepsd.infer(load_bundle(tmp_path), vertices, normals, triangles, joined, body.joints(), cloth, fabric)
     known = encode_metadata(metadata, "silk", ())
     poses = sample_poses(4, seed=1)
     found = poser(network, sample, metadata=known, influences=24)(poses)

@@ -53,6 +53,7 @@ def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
 @_choice("--skeleton", choices.SkeletonName, "Whose names the joints have.")
 @click.option("--with-body", is_flag=True, help="Write the body beside the outfit, for previews and try-on.")
 @click.option("--keys-onnx", type=PATH, metavar="OUT.onnx", help="Also write the pose-key network as ONNX.")
+@click.option("--fabric", metavar="NAME", help="What the outfit is made of: cotton, silk, denim or leather.")
 @_choice("--family", choices.Family, "Model family.")
 @click.option("--bundle", type=PATH, metavar="DIR", help="Model bundle to use instead of the one shipped.")
 @click.option("--name", metavar="NAME", help="Name of the asset; otherwise the file name.")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 NEAREST, NONE = "nearest", "none"
 
 _ALONG_MOTIONS = ("motions", "step", "open_arms", "gender")
-_ON_A_DATASET = ("split", "profiles", "frames", "outfits", "workers", "output", "markdown", "picture")
+_ON_A_DATASET = ("split", "profiles", "frames", "tell_fabric", "outfits", "workers", "output", "markdown", "picture")
 """Options of one of the two ways only; without a default, so that those given are known."""
 
 
@@ -55,6 +55,7 @@ _ON_A_DATASET = ("split", "profiles", "frames", "outfits", "workers", "output", 
 @click.option(
     "--frames", type=click.IntRange(min=1), metavar="N", help="Frames of each sequence.  [default: all good ones]"
 )
+@click.option("--tell-fabric", is_flag=True, help="Compile the outfits with their --fabric.")
 @click.option("--outfits", type=click.IntRange(min=1), metavar="N", help="Only the first N outfits.")
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Processes.  [default: 1]")
 @click.option("-o", "--output", type=PATH, metavar="RESULTS.json", help="Also write everything as JSON.")
@@ -119,6 +120,7 @@ def _on_a_dataset(
     split: str | None,
     profiles: tuple[Any, ...],
     frames: int | None,
+    tell_fabric: bool,
     outfits: int | None,
     workers: int | None,
     output: Path | None,
@@ -146,6 +148,8 @@ def _on_a_dataset(
     named = named_methods([*own, *other], profiles)
     beside = tuple(method for folder in other for method in named[folder])
     methods = tuple(method for folder in own for method in named[folder] if method not in beside)
+    if tell_fabric:
+        methods = tuple(method.told_fabrics() for method in methods)
     if baseline != NONE or not methods:
         methods = (NEAREST_METHOD, *methods)
     split = split or "test"

@@ -17,7 +17,6 @@ from garmentc.cli.printing import print_warnings
 from garmentc.errors import Diagnostic, GarmentcError
 
 if TYPE_CHECKING:
-    from garmentc.training.checkpoint import Checkpoint
     from garmentc.training.recipe import Recipe
     from garmentc.training.train_deepsd import Trained
     from garmentc.training.workers import Workers
@@ -124,44 +123,32 @@ def _train(
 
 
 def _finish(trained: Trained, out: Path, show: Callable[[str], None]) -> None:
-    from garmentc.training.bundle_record import export_all
+    from garmentc.training.bundle_record import BUNDLE, export_run, has_bundle
     from garmentc.training.predict import load_run
 
     minutes = sum(trained.progress.seconds) / 60
     if not trained.finished:
         show(f"stopped after {minutes:.1f} minutes of training; the same command goes on")
         return
-    bundles = export_all(load_run(out), out)
-    where = f"bundle in {bundles[0]}" if bundles else "no rig can express this variant, so it has no bundle"
+    run, where = load_run(out), "no rig can express this variant, so it has no bundle"
+    if has_bundle(run):
+        export_run(run, out / BUNDLE)
+        where = f"bundle in {out / BUNDLE}"
     show(f"finished after {minutes:.1f} minutes of training; {where}")
 
 
 @command.command("export", short_help="Write the model bundle of a training run.")
 @click.argument("run", type=PATH, metavar="DIR")
 @click.option("-o", "--output", type=PATH, required=True, metavar="BUNDLE", help="Folder of the bundle.")
-@click.option("--fabric", metavar="NAME", help="Fabric that the bundle is for, where the network was told fabrics.")
 @click.option("--version", "version", metavar="TEXT", help="Version of the bundle instead of garmentc's.")
-def export(run: Path, output: Path, fabric: str | None, version: str | None) -> None:
+def export(run: Path, output: Path, version: str | None) -> None:
     """Write the model bundle of the training run in DIR, finished or not."""
     _require_torch()
     from garmentc import __version__
     from garmentc.training.bundle_record import export_run
     from garmentc.training.predict import load_run
 
-    checkpoint = load_run(run)
-    _check_fabric(checkpoint, fabric)
-    export_run(checkpoint, output, version=version or __version__, fabric=fabric)
-
-
-def _check_fabric(checkpoint: Checkpoint, fabric: str | None) -> None:
-    from garmentc.simulation.presets import FABRICS
-
-    if fabric is None:
-        return
-    if "fabric" not in checkpoint.recipe.metadata:
-        raise GarmentcError("this network was not told fabrics; leave --fabric out")
-    if fabric not in FABRICS:
-        raise GarmentcError(f"unknown fabric '{fabric}'; the fabrics are {', '.join(FABRICS)}")
+    export_run(load_run(run), output, version=version or __version__)
 
 
 def _require_torch() -> None:

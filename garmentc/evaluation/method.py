@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal, get_args
@@ -43,11 +43,17 @@ class Method:
     name     what tables call it
     bundle   folder of a model bundle; None for NEAREST
     profile  that its files are compiled with; None for NEAREST
+    told     whether the bundle is told the fabric that an outfit is made of
     """
 
     name: str
     bundle: Path | None = None
     profile: MeasuredProfile | None = None
+    told: bool = False
+
+    def told_fabrics(self) -> Method:
+        """The same with that knowledge."""
+        return replace(self, name=f"{self.name}, told the fabric", told=True)
 
     def posed_template(self, sequence: OutfitSequence, body: BodyModel, body_file: Path | None) -> PosedTemplate:
         """The outfit of `sequence`, moved.
@@ -70,6 +76,7 @@ class Method:
                 pose="t",
                 unwrap="never",
                 bundle=self.bundle,
+                fabric=sequence.facts.fabric if self.told else None,
             )
             try:
                 if self.profile == "network":
@@ -152,6 +159,6 @@ def _same_places(rest: NDArray[np.float64], template: NDArray[Any]) -> NDArray[n
 def _network_alone(source: Path, known: CompileOptions) -> PosedTemplate:
     inputs = read_inputs(source, known)
     dressed = dress(inputs, known)
-    rig = infer(inputs.bundle, dressed)
+    rig = infer(inputs.bundle, dressed, known.fabric)
     vertex = dressed.welded.vertex_of
     return lambda pose: rig.posed(pose)[vertex]

@@ -47,6 +47,22 @@ class Bundle:
         """Name and version, as reports show them."""
         return f"{self.manifest['name']} {self.manifest['version']}"
 
+    @property
+    def metadata(self) -> tuple[str, ...]:
+        """What the numbers say that the outfit graph takes beside the mesh: "fabric:denim" and the like."""
+        return tuple(self.manifest.get("metadata", ()))
+
+    def encode_fabric(self, fabric: str | None) -> NDArray[np.float32]:
+        """Those numbers (1, M) of an outfit of `fabric`, or of an unknown one: zeros.
+
+        Raises GarmentcError where the bundle does not know the fabric.
+        """
+        known = [name.removeprefix("fabric:") for name in self.metadata if name.startswith("fabric:")]
+        if fabric is not None and fabric not in known:
+            advice = f"choose one of {', '.join(known)}" if known else "its networks were told none"
+            raise GarmentcError(f"the bundle {self.name} knows no fabric '{fabric}'; {advice}, or leave --fabric out")
+        return np.array([[name == f"fabric:{fabric}" for name in self.metadata]], np.float32)
+
 
 def load_bundle(path: Path | None = None) -> Bundle:
     """Read and check a bundle; the one that comes with garmentc where `path` is None.

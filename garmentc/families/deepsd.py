@@ -16,6 +16,7 @@ from garmentc.families.deepsd_names import (
     GLOBAL,
     HELD,
     LOCAL,
+    METADATA,
     NEIGHBORS,
     NORMALS,
     SHAPES,
@@ -49,6 +50,7 @@ def infer(
     edges: NDArray[np.int32],
     joints: NDArray[Any],
     cloth: HeldCloth,
+    fabric: str | None = None,
     threads: int = 0,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Rig:
@@ -59,12 +61,14 @@ def infer(
     edges              (E, 2) unique undirected edges
     joints             (24, 3) rest joints of the body
     cloth              what the body holds of the outfit
+    fabric             of the outfit; None is unknown
     threads            for onnxruntime; 0 is its own choice
     progress           called with vertices done and vertices in all
 
     The encoder reaches four edges far, so a large outfit is encoded in patches with a rim of four edges, and the
     global maximum is taken over the patches: the result does not depend on the patches, memory does.
-    Raises GarmentcError where the bundle's graph is not a DeePSD graph, or makes NaN or infinity.
+    Raises GarmentcError where the bundle's graph is not a DeePSD graph, or makes NaN or infinity, or where it does not
+    know the fabric.
     """
     sessions = _sessions(bundle, threads)
     count = len(vertices)
@@ -85,11 +89,12 @@ def infer(
         pooled = best if pooled is None else np.maximum(pooled, best)
     if local is None or pooled is None:
         raise GarmentcError("the outfit has no vertices")
+    shared = {GLOBAL: pooled} | ({METADATA: bundle.encode_fabric(fabric)} if bundle.metadata else {})
     weights = np.empty((count, JOINT_COUNT), np.float32)
     shapes = np.empty((bundle.manifest["keys"], count, 3), np.float32)
     for start in range(0, count, MAX_DECODED):
         piece = slice(start, start + MAX_DECODED)
-        feeds = {LOCAL: local[piece], GLOBAL: pooled, HELD: held[piece], SKIN: cloth.skin[piece]}
+        feeds = {LOCAL: local[piece], HELD: held[piece], SKIN: cloth.skin[piece], **shared}
         weights[piece], decoded = sessions.heads.run([WEIGHTS, SHAPES], feeds)
         shapes[:, piece] = decoded.transpose(1, 0, 2)
         _check_finite(bundle, weights[piece], decoded)
@@ -106,7 +111,8 @@ def _sessions(bundle: Bundle, threads: int) -> _Sessions:
     options.log_severity_level = 4
     path = bundle.path / bundle.manifest["files"]["outfit"]["name"]
     names = {value.name for value in (*bundle.outfit.graph.input, *bundle.outfit.graph.output)}
-    missing = {VERTICES, NORMALS, NEIGHBORS, HELD, SKIN, WEIGHTS, SHAPES} - names
+    told = [METADATA] if bundle.metadata else []
+    missing = {VERTICES, NORMALS, NEIGHBORS, HELD, SKIN, WEIGHTS, SHAPES, *told} - names
     if missing:
         raise GarmentcError(
             f"the outfit graph has no input or output named {', '.join(sorted(missing))}; export the bundle again", path
@@ -114,7 +120,7 @@ def _sessions(bundle: Bundle, threads: int) -> _Sessions:
     cuts = (
         ([VERTICES, NORMALS, NEIGHBORS, HELD], [LOCAL, CANDIDATES]),
         ([CANDIDATES], [GLOBAL]),
-        ([LOCAL, GLOBAL, HELD, SKIN], [WEIGHTS, SHAPES]),
+        ([LOCAL, GLOBAL, HELD, SKIN, *told], [WEIGHTS, SHAPES]),
     )
     try:
         extractor = onnx.utils.Extractor(bundle.outfit)

@@ -10,6 +10,9 @@ HELD = "held"
 SKIN = "skin_weights"
 """Blend weights of the nearest skin, (N, 24)."""
 
+METADATA = "metadata"
+"""What is known of an outfit beside its mesh, (1, M), as the manifest names it; zeros where nothing is. Optional."""
+
 LOCAL = "local"
 """Per-vertex descriptors, (N, 256)."""
 CANDIDATES = "global_candidates"

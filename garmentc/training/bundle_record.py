@@ -11,10 +11,9 @@ import torch
 
 from garmentc import __version__
 from garmentc.rig import ENCODING_WIDTHS
-from garmentc.simulation.presets import FABRICS
 from garmentc.training.checkpoint import Checkpoint
 from garmentc.training.deepsd_network import VERTICES
-from garmentc.training.metadata import encode_metadata
+from garmentc.training.metadata import metadata_names
 from garmentc.training.recipe import CONFIGS, Recipe, read_recipe
 from garmentc.training.write_bundle import write_bundle
 
@@ -27,32 +26,20 @@ def has_bundle(checkpoint: Checkpoint) -> bool:
     return network.deformation != VERTICES and network.pose_encoding in ENCODING_WIDTHS
 
 
-def export_run(checkpoint: Checkpoint, folder: Path, *, version: str = __version__, fabric: str | None = None) -> None:
-    """Write the run's bundle into `folder`. `fabric` is what it holds for, where the network was told; None: any.
+def export_run(checkpoint: Checkpoint, folder: Path, *, version: str = __version__) -> None:
+    """Write the run's bundle into `folder`.
 
     Raises GarmentcError where no rig can express the network, or a file cannot be written.
     """
     recipe = checkpoint.recipe
-    metadata = None if fabric is None else encode_metadata(recipe.metadata, fabric, ())
     write_bundle(
         checkpoint.restored(),
         folder,
         version=version,
         description=recipe.description,
-        training=training_record(checkpoint) | ({} if fabric is None else {"fabric": fabric}),
-        metadata=metadata,
+        training=training_record(checkpoint),
+        metadata=metadata_names(recipe.metadata),
     )
-
-
-def export_all(checkpoint: Checkpoint, run: Path) -> list[Path]:
-    """The bundles of a finished run, in its folder: one for any fabric and, where it was told fabrics, one of each."""
-    if not has_bundle(checkpoint):
-        return []
-    fabrics = FABRICS if "fabric" in checkpoint.recipe.metadata else ()
-    folders = {None: run / BUNDLE} | {fabric: run / f"{BUNDLE}_{fabric}" for fabric in fabrics}
-    for fabric, folder in folders.items():
-        export_run(checkpoint, folder, fabric=fabric)
-    return list(folders.values())
 
 
 def training_record(checkpoint: Checkpoint) -> dict[str, Any]:

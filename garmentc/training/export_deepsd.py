@@ -21,6 +21,7 @@ from garmentc.families.deepsd_names import (
     GLOBAL,
     HELD,
     LOCAL,
+    METADATA,
     NEIGHBORS,
     NORMALS,
     SHAPES,
@@ -86,11 +87,9 @@ def _floats(name: str, *shape: str | int) -> Any:
     return helper.make_tensor_value_info(name, TensorProto.FLOAT, list(shape))
 
 
-def outfit_graph(network: Deepsd, metadata: NDArray[np.float32] | None = None) -> bytes:
+def outfit_graph(network: Deepsd) -> bytes:
     """vertices, normals (N, 3), neighbors (N, K) int64 padded with N, held (N, 2), skin_weights (N, 24)
-    → weights (N, 24), blend_shapes (N, P, 3).
-
-    metadata  (metadata_width,) numbers that the graph shall hold for; unknown where None
+    and, of a network that was told any, metadata (1, M) → weights (N, 24), blend_shapes (N, P, 3).
 
     Raises GarmentcError where the network is a variant that no rig can express.
     """
@@ -119,14 +118,16 @@ def outfit_graph(network: Deepsd, metadata: NDArray[np.float32] | None = None) -
     global_width = len(pool.weight)
     candidates = g.add("Relu", [g.linear(x, pool, "global_layer")], CANDIDATES)
     pooled = g.add("ReduceMax", [candidates, g.constant("axis_0", np.array([0], np.int64))], GLOBAL, keepdims=1)
+    shared, shared_width = pooled, global_width + config.metadata_width
+    if config.metadata_width:
+        shared = g.add("Concat", [pooled, METADATA], "shared", axis=1)
     rows = g.add("Shape", [LOCAL], "local_count", start=0, end=1)
-    shape = g.add("Concat", [rows, g.constant("global_width", np.array([global_width]))], "global_shape", axis=0)
-    spread = g.add("Expand", [pooled, shape], "global_spread")
+    shape = g.add("Concat", [rows, g.constant("shared_width", np.array([shared_width]))], "shared_shape", axis=0)
+    spread = g.add("Expand", [shared, shape], "shared_spread")
     descriptors = g.add("Concat", [x, spread], "descriptors", axis=1)
-    known_metadata = _zeros(config.metadata_width) if metadata is None else metadata
 
     def head(layers: torch.nn.Sequential, name: str, scale: float = 1.0) -> str:
-        return g.mlp(descriptors, _head_layers(layers, width, config.global_descriptor, known_metadata, scale), name)
+        return g.mlp(descriptors, _head_layers(layers, width, config.global_descriptor, scale), name)
 
     firmness = g.add("Gather", [HELD, g.constant("firmness_column", np.array([0], np.int64))], "firmness", axis=1)
     loose = g.add("Sub", [g.constant("whole", np.ones(1, np.float32)), firmness], "loose")
@@ -134,7 +135,7 @@ def outfit_graph(network: Deepsd, metadata: NDArray[np.float32] | None = None) -
     taken = g.add("Mul", [SKIN, firmness], "weights_of_skin")
     g.add("Add", [taken, g.add("Mul", [learned, loose], "weights_of_cloth")], WEIGHTS)
     if config.deformation == NONE:
-        nothing = Layer(_zeros(3, width + global_width), _zeros(3))
+        nothing = Layer(_zeros(3, width + shared_width), _zeros(3))
         shapes, keys = g.linear(descriptors, nothing, "no_shape"), 1
     else:
         shapes, keys = head(network.data_head, "data_head", config.key_scale), config.pose_code
@@ -146,6 +147,8 @@ def outfit_graph(network: Deepsd, metadata: NDArray[np.float32] | None = None) -
     neighbors = helper.make_tensor_value_info(NEIGHBORS, TensorProto.INT64, ["N", "K"])
     inputs = [_floats(VERTICES, "N", 3), _floats(NORMALS, "N", 3), neighbors]
     inputs += [_floats(HELD, "N", 2), _floats(SKIN, "N", config.joints)]
+    if config.metadata_width:
+        inputs.append(_floats(METADATA, 1, config.metadata_width))
     outputs = [_floats(WEIGHTS, "N", config.joints), _floats(SHAPES, "N", keys, 3)]
     known = [
         _floats(LOCAL, "N", config.convolutions[-1]),
@@ -171,22 +174,17 @@ def _zeros(*shape: int) -> NDArray[np.float32]:
     return np.zeros(shape, np.float32)
 
 
-def _head_layers(
-    head: torch.nn.Sequential, local: int, has_global: bool, metadata: NDArray[np.float32], scale: float
-) -> list[Layer]:
-    """`scale` times the head as a function of [local, global] descriptors.
+def _head_layers(head: torch.nn.Sequential, local: int, has_global: bool, scale: float) -> list[Layer]:
+    """`scale` times the head as a function of [local, global] descriptors and metadata.
 
-    Metadata go into the bias, a missing global descriptor is nought.
+    A missing global descriptor is one number, and nought.
     """
     first, *others, last = (_layer(layer) for layer in head if isinstance(layer, torch.nn.Linear))
-    assert first.bias is not None
     assert last.bias is not None
-    described = first.weight.shape[1] - len(metadata)
-    weight, bias = first.weight[:, :described], first.bias + first.weight[:, described:] @ metadata
     if not has_global:
-        weight = np.concatenate([weight[:, :local], _zeros(len(weight), 1)], axis=1)
+        first = Layer(np.insert(first.weight, local, 0, axis=1), first.bias)
     factor = np.float32(scale)
-    return [Layer(weight, bias), *others, Layer(factor * last.weight, factor * last.bias)]
+    return [first, *others, Layer(factor * last.weight, factor * last.bias)]
 
 
 def _adds_anything(head: torch.nn.Sequential) -> bool:

@@ -20,6 +20,12 @@ def metadata_width(kinds: Iterable[str]) -> int:
     return sum(METADATA[kind] for kind in kinds)
 
 
+def metadata_names(kinds: Iterable[str]) -> list[str]:
+    """What each of the numbers says, as a bundle's manifest has it."""
+    values = {"fabric": FABRICS, "tightness": ("0", "1")}
+    return [f"{kind}:{value}" for kind in kinds for value in values[kind]]
+
+
 def encode_metadata(kinds: Sequence[str], fabric: str, tightness: Sequence[float]) -> NDArray[np.float32]:
     """The numbers of an outfit; zeros for a fabric that is unknown and for a missing tightness."""
     values: list[float] = []

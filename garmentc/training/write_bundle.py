@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from garmentc.families.bundle import MANIFEST
 from garmentc.key_graph import REST_KEYS, layer_constants
@@ -25,15 +23,15 @@ def write_bundle(
     version: str,
     description: str,
     training: dict[str, Any],
-    metadata: NDArray[np.float32] | None = None,
+    metadata: Sequence[str] = (),
 ) -> None:
     """Write outfit.onnx, keys.onnx and manifest.json. The same weights and record give the same bytes.
 
-    metadata  (metadata_width,) that the bundle's outfits shall have; unknown where None
+    metadata  what the numbers say that the network is told of an outfit (`garmentc.training.metadata.metadata_names`)
 
     Raises GarmentcError where the network is a variant that no rig can express, or a file cannot be written.
     """
-    graphs = {"outfit": outfit_graph(network, metadata), "keys": keys_graph(network)}
+    graphs = {"outfit": outfit_graph(network), "keys": keys_graph(network)}
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -63,6 +61,7 @@ def write_bundle(
             for (weight, bias), layer in zip(map(layer_constants, range(len(layers))), layers, strict=True)
         ],
         "rest_keys": REST_KEYS,
+        **({"metadata": list(metadata)} if metadata else {}),
         "body": {"name": "default", "sha256": hashlib.sha256(DEFAULT_BODY_PATH.read_bytes()).hexdigest()},
         "training": training,
     }
