@@ -77,5 +77,5 @@ class _Surface:
 
 def _sides(points: NDArray[Any], triangles: NDArray[np.int32]) -> NDArray[Any]:
     """(2, F, 3): from the first corner of each triangle to the second, and to the third."""
-    first = points[triangles[:, 0]]
-    return np.stack([points[triangles[:, 1]] - first, points[triangles[:, 2]] - first])
+    first, second, third = np.take(points, triangles.T, axis=0)
+    return np.stack([second - first, third - first])
