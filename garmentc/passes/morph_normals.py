@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,9 +35,13 @@ def morph_normals(rig: Rig, options: MorphNormals, poses: PoseSet) -> tuple[Rig,
     surface = _Surface.of(rig.template.astype(np.float64), rig.triangles)
     rest = surface.normals(surface.sides)
     normals = np.empty(rig.blend_shapes.shape, dtype=np.float32)
-    for shape, delta, amount in zip(rig.blend_shapes, normals, amounts.astype(np.float32), strict=True):
+
+    def fill(delta: NDArray[np.float32], shape: NDArray[np.float32], amount: Any) -> None:
         moved = surface.normals(surface.sides + amount * _sides(shape, rig.triangles))
         delta[:] = (moved - rest) / amount
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(fill, normals, rig.blend_shapes, amounts.astype(np.float32)))
     detail = f"{rig.morph_count} sets of normal deltas, the largest entry is {np.abs(normals).max():.2f}"
     return replace(rig, blend_normals=normals), PassReport("morph normals", detail)
 
