@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from garmentc.outfit.topology import corner_angles
 from garmentc.passes.key_reach import key_reach
-from garmentc.passes.pose_set import PoseSet
+from garmentc.passes.pose_set import PoseSet, keys_to_fit
 from garmentc.passes.report import PassReport
 from garmentc.rig import Rig
 
@@ -29,9 +29,9 @@ def morph_normals(rig: Rig, options: MorphNormals, poses: PoseSet) -> tuple[Rig,
     the shape at its typical amount (see `key_reach`), divided by that amount: right there, close elsewhere.
     Vertices whose triangles do not move get exactly 0.
     """
-    if not rig.morph_count:
+    if rig.keys is None or not rig.morph_count:
         return rig, PassReport("morph normals", "no blend shapes, so none")
-    amounts = key_reach(rig.pose_keys(np.asarray(poses.fit, np.float64)))
+    amounts = key_reach(keys_to_fit(rig.keys, poses))
     surface = _Surface.of(rig.template.astype(np.float64), rig.triangles)
     rest = surface.normals(surface.sides)
     normals = np.empty(rig.blend_shapes.shape, dtype=np.float32)
