@@ -30,6 +30,7 @@ from garmentc.outfit.obj import read_obj
 from garmentc.outfit.topology import edges, surface_warnings, vertex_normals, weld
 from garmentc.outfit.unwrap import unwrap
 from garmentc.output import check_outputs, is_special
+from garmentc.passes.blas import single_threaded_blas
 from garmentc.passes.follow_skin import FollowSkin, follow_skin
 from garmentc.passes.limit_influences import LimitInfluences, limit_influences
 from garmentc.passes.morph_normals import MorphNormals, morph_normals
@@ -238,9 +239,10 @@ def optimise(rig: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Rig, 
     frames = [motion.poses for motion in dressed.motions]
     poses = plausible_poses(np.concatenate(frames) if frames else None, check=CHECKED_POSES)
     reports = []
-    for run in passes(options, dressed.alignment.body, dressed.alignment.betas):
-        rig, report = run(rig, poses)
-        reports.append(report)
+    with single_threaded_blas():  # passes have threads of their own
+        for run in passes(options, dressed.alignment.body, dressed.alignment.betas):
+            rig, report = run(rig, poses)
+            reports.append(report)
     return rig, tuple(reports)
 
 

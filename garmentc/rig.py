@@ -88,7 +88,7 @@ class DenseLayer:
         return y
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class KeyNetwork:
     """f: joint rotations to pose keys (morph weights). Zero at rest, by construction of the last bias."""
 

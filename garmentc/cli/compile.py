@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import click
 
 from garmentc import options as choices
+from garmentc.cli.garbage import uncollected
 from garmentc.cli.parameters import PATH, Length, Numbers
 from garmentc.cli.printing import file_size, print_json, print_warnings, progress, table
 from garmentc.options import CompileOptions
@@ -60,6 +61,7 @@ def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
 @click.option("--report", type=PATH, metavar="OUT.json", help="Write what was done, with times and errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
+@uncollected()
 def command(
     outfits: tuple[Path, ...], output: Path, report: Path | None, as_json: bool, quiet: bool, **given: Any
 ) -> None:

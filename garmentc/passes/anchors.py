@@ -52,7 +52,7 @@ class Anchors:
         """Pairs (K, 2) of anchors that `edges` (E, 2) of the outfit join: each vertex counts as its nearest anchor."""
         if len(self.rows) == len(self.places):
             return edges.astype(np.intp)
-        pairs = np.sort(self._tree.query(self.places)[1][edges], axis=1)
+        pairs = np.sort(self._tree.query(self.places, workers=-1)[1][edges], axis=1)
         joined: NDArray[np.intp] = np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0)
         return joined
 
@@ -70,7 +70,7 @@ class Anchors:
             if everyone:
                 nearest, share = np.arange(rows.start, rows.stop)[:, None], np.ones((rows.stop - start, 1))
             else:
-                distance, nearest = self._tree.query(self.places[rows], k=ranks)
+                distance, nearest = self._tree.query(self.places[rows], k=ranks, workers=-1)
                 share = 1 / np.maximum(distance, 1e-9) ** 2
                 share /= share.sum(axis=1, keepdims=True)
             ends = np.arange(len(nearest) + 1) * nearest.shape[1]

@@ -45,7 +45,7 @@ class Planes:
     @classmethod
     def of(cls, vertices: NDArray[np.float32], faces: NDArray[Any]) -> Planes:
         """Of the triangles `faces` (F, 3) of posed `vertices` (3, V, P)."""
-        a, b, c = (vertices[:, faces[:, k]] for k in range(3))
+        a, b, c = (np.take(vertices, faces[:, k], axis=1) for k in range(3))
         u, v = b - a, c - a
         normals: NDArray[np.float32] = np.stack(
             [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
@@ -66,8 +66,8 @@ class Planes:
     def offset(self, points: NDArray[np.float32], rows: NDArray[np.intp]) -> tuple[NDArray[Any], NDArray[Any]]:
         """How far outside the planes `rows` (n, P) `points` (3, n, P) are, metres (n, P); and the normals (3, n, P)."""
         place = rows * self.centers.shape[2] + np.arange(self.centers.shape[2])
-        normals = self.normals.reshape(3, -1)[:, place]
-        return np.einsum("inp,inp->np", normals, points - self.centers.reshape(3, -1)[:, place]), normals
+        centers, normals = (np.take(array.reshape(3, -1), place, axis=1) for array in (self.centers, self.normals))
+        return np.einsum("inp,inp->np", normals, points - centers), normals
 
 
 @dataclass(frozen=True)

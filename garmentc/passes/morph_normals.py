@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +12,7 @@ from numpy.typing import NDArray
 
 from garmentc.outfit.topology import corner_angles
 from garmentc.passes.key_reach import key_reach
-from garmentc.passes.pose_set import PoseSet
+from garmentc.passes.pose_set import PoseSet, keys_to_fit
 from garmentc.passes.report import PassReport
 from garmentc.rig import Rig
 
@@ -27,15 +29,19 @@ def morph_normals(rig: Rig, options: MorphNormals, poses: PoseSet) -> tuple[Rig,
     the shape at its typical amount (see `key_reach`), divided by that amount: right there, close elsewhere.
     Vertices whose triangles do not move get exactly 0.
     """
-    if not rig.morph_count:
+    if rig.keys is None or not rig.morph_count:
         return rig, PassReport("morph normals", "no blend shapes, so none")
-    amounts = key_reach(rig.pose_keys(np.asarray(poses.fit, np.float64)))
+    amounts = key_reach(keys_to_fit(rig.keys, poses))
     surface = _Surface.of(rig.template.astype(np.float64), rig.triangles)
     rest = surface.normals(surface.sides)
     normals = np.empty(rig.blend_shapes.shape, dtype=np.float32)
-    for shape, delta, amount in zip(rig.blend_shapes, normals, amounts.astype(np.float32), strict=True):
+
+    def fill(delta: NDArray[np.float32], shape: NDArray[np.float32], amount: Any) -> None:
         moved = surface.normals(surface.sides + amount * _sides(shape, rig.triangles))
         delta[:] = (moved - rest) / amount
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(fill, normals, rig.blend_shapes, amounts.astype(np.float32)))
     detail = f"{rig.morph_count} sets of normal deltas, the largest entry is {np.abs(normals).max():.2f}"
     return replace(rig, blend_normals=normals), PassReport("morph normals", detail)
 
@@ -77,5 +83,5 @@ class _Surface:
 
 def _sides(points: NDArray[Any], triangles: NDArray[np.int32]) -> NDArray[Any]:
     """(2, F, 3): from the first corner of each triangle to the second, and to the third."""
-    first = points[triangles[:, 0]]
-    return np.stack([points[triangles[:, 1]] - first, points[triangles[:, 2]] - first])
+    first, second, third = np.take(points, triangles.T, axis=0)
+    return np.stack([second - first, third - first])

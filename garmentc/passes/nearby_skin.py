@@ -61,7 +61,7 @@ class NearbySkin:
         squared = np.full(outfit.vertices.shape[1:], (2 * DEPTH) ** 2, dtype=np.float32)
         chosen = np.full(squared.shape, _CANDIDATES, dtype=np.uint8)
         for column, rows in enumerate(self.candidates.T):
-            apart = outfit.vertices - planes.centers[:, rows]
+            apart = outfit.vertices - np.take(planes.centers, rows, axis=1)
             distance = np.einsum("inp,inp->np", apart, apart)
             np.copyto(chosen, column, where=distance < squared)
             np.minimum(squared, distance, out=squared)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from garmentc.errors import GarmentcError
 from garmentc.passes.blas import single_threaded_blas
-from garmentc.passes.pose_set import PoseSet
+from garmentc.passes.pose_set import PoseSet, keys_to_fit
 from garmentc.passes.reduce_blend_shapes import mixed_keys
 from garmentc.passes.report import PassReport
 from garmentc.rig import KeyNetwork, Rig
@@ -56,7 +56,7 @@ def nonnegative_weights(rig: Rig, options: NonnegativeWeights, poses: PoseSet) -
 
 def _nonnegative(rig: Rig, network: KeyNetwork, largest: float, poses: PoseSet) -> tuple[Rig, str]:
     """The rig, and what the report says of it."""
-    keys = _keys(rig, poses.fit)
+    keys = keys_to_fit(network, poses)
     extreme, shares = _extremes_and_shares(keys, rig.blend_shapes)
     mix = np.concatenate([np.eye(rig.morph_count), [-shares / (1 - shares.sum())]]) / extreme
     mix[:, ~rig.blend_shapes.any(axis=(1, 2))] = 0  # the key of a shape that moves nothing would be rounding

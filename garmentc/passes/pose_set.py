@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.passes.blas import single_threaded_blas
+from garmentc.rig import KeyNetwork
 from garmentc.smpl.pose_sampler import sample_poses
 from garmentc.smpl.skeleton import JOINT_COUNT
 
@@ -16,7 +19,7 @@ CHECK_COUNT = 48
 _FIT_SEED, _CHECK_SEED = 1, 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PoseSet:
     """Axis-angle poses, radians.
 
@@ -48,6 +51,15 @@ def plausible_poses(motion: NDArray[Any] | None = None, fit: int = FIT_COUNT, ch
         np.concatenate([poses.check, motion[_spread(len(motion), check // 4, 0.75)]]),
         motion,
     )
+
+
+@lru_cache(maxsize=1)
+def keys_to_fit(network: KeyNetwork, poses: PoseSet) -> NDArray[np.float64]:
+    """Keys (P, M) of the poses to fit. Several passes, one after the other, ask for those of the same network."""
+    with single_threaded_blas():
+        keys: NDArray[np.float64] = network(np.asarray(poses.fit, np.float64))
+    keys.setflags(write=False)
+    return keys
 
 
 def farthest_apart(poses: NDArray[Any], count: int) -> NDArray[Any]:

@@ -19,22 +19,22 @@ _Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class PosedVertices:
-    """n vertices in P poses, float32.
+    """n vertices in P poses, in any precision.
 
     vertices  (3, n, P) metres
     turn      (3, 3, n, P) what skinning does to a displacement of the rest vertex: nearly a rotation
     """
 
-    vertices: _Floats
-    turn: _Floats
+    vertices: NDArray[Any]
+    turn: NDArray[Any]
 
 
-def posed_outfit(rig: Rig, poses: NDArray[Any]) -> PosedVertices:
-    """The rig in `poses` (P, 24, 3)."""
-    poses = np.asarray(poses, np.float32)
-    shapes = rig.blend_shapes.reshape(rig.morph_count, -1).astype(np.float32, copy=False)
+def posed_outfit(rig: Rig, poses: NDArray[Any], dtype: type[np.floating[Any]] = np.float32) -> PosedVertices:
+    """The rig in `poses` (P, 24, 3), as `rig.posed` makes it."""
+    poses = np.asarray(poses, dtype)
+    shapes = rig.blend_shapes.reshape(rig.morph_count, 3 * rig.vertex_count).astype(dtype, copy=False)
     moved = (rig.pose_keys(poses) @ shapes).reshape(len(poses), -1, 3)
-    rest = np.ascontiguousarray((rig.template.astype(np.float32) + moved).transpose(2, 1, 0))
+    rest = np.ascontiguousarray((rig.template.astype(dtype) + moved).transpose(2, 1, 0))
     return _skinned(rest, rig.weights, rig.joints, poses)
 
 
@@ -50,9 +50,9 @@ def posed_body(body: BodyModel, betas: NDArray[Any] | None, poses: NDArray[Any])
     return _skinned(rest, body.weights, body.joints(betas), poses).vertices
 
 
-def _skinned(rest: _Floats, weights: NDArray[Any], joints: NDArray[Any], poses: _Floats) -> PosedVertices:
-    """Linear blend skinning of rest vertices (3, n, P), each with its pose."""
-    transforms = joint_transforms(axis_angle_to_matrix(poses), joints.astype(np.float32))
-    blended = weights.astype(np.float32) @ np.ascontiguousarray(transforms.transpose(2, 3, 1, 0)[:3])
+def _skinned(rest: NDArray[Any], weights: NDArray[Any], joints: NDArray[Any], poses: NDArray[Any]) -> PosedVertices:
+    """Linear blend skinning of rest vertices (3, n, P), each with its pose, in the poses' precision."""
+    transforms = joint_transforms(axis_angle_to_matrix(poses), joints.astype(poses.dtype))
+    blended = weights.astype(poses.dtype) @ np.ascontiguousarray(transforms.transpose(2, 3, 1, 0)[:3])
     turn = blended[:, :3]
     return PosedVertices(np.einsum("ijnp,jnp->inp", turn, rest) + blended[:, 3], turn)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from garmentc.passes.key_reach import key_reach
-from garmentc.passes.pose_set import PoseSet
+from garmentc.passes.pose_set import PoseSet, keys_to_fit
 from garmentc.passes.posed_error import posed_error
 from garmentc.passes.report import PassReport
 from garmentc.rig import Rig
@@ -25,9 +25,9 @@ def prune_morphs(rig: Rig, options: PruneMorphs, poses: PoseSet) -> tuple[Rig, P
 
     Deltas of several shapes add up, so the posed error may exceed the threshold; the report has it.
     """
-    if not rig.morph_count:
+    if rig.keys is None or not rig.morph_count:
         return rig, PassReport("prune morphs", "no blend shapes, so none")
-    amounts = key_reach(rig.pose_keys(np.asarray(poses.fit, np.float64)))
+    amounts = key_reach(keys_to_fit(rig.keys, poses))
     shapes = np.empty_like(rig.blend_shapes)
     zeros = 0
     for shape, pruned, amount in zip(rig.blend_shapes, shapes, amounts, strict=True):

@@ -12,7 +12,7 @@ from garmentc.errors import GarmentcError
 from garmentc.passes.blas import single_threaded_blas
 from garmentc.passes.key_reach import key_reach
 from garmentc.passes.part_of_rig import spread_vertices
-from garmentc.passes.pose_set import PoseSet
+from garmentc.passes.pose_set import PoseSet, keys_to_fit
 from garmentc.passes.posed_error import posed_error
 from garmentc.passes.report import PassReport
 from garmentc.resting_layer import resting_layer
@@ -63,7 +63,7 @@ def reduce_blend_shapes(rig: Rig, options: ReduceBlendShapes, poses: PoseSet) ->
     if rig.keys is None or rig.morph_count <= (options.count or 0):
         return rig, PassReport("reduce blend shapes", f"all {rig.morph_count} kept: there are no more")
     with single_threaded_blas():
-        keys = rig.pose_keys(np.asarray(poses.fit, np.float64))
+        keys = keys_to_fit(rig.keys, poses)
         basis = _basis(keys, _gram(rig.blend_shapes))
         count = options.count
         if count is None:
