@@ -63,6 +63,20 @@ def test_a_compile_reports_what_it_did(run: CommandLine, tmp_path: Path, top: Pa
     assert {"limit influences", "reduce blend shapes"} <= lossy
 
 
+def test_the_fabric_makes_a_difference_and_must_be_known(run: CommandLine, tmp_path: Path, top: Path) -> None:
+    made = {}
+    for fabric in (None, "silk", "leather"):
+        report = garmentc.compile_outfit(top, tmp_path / "a.glb", gender="female", fabric=fabric)
+        assert report.model.fabric == fabric
+        made[fabric] = read_glb(tmp_path / "a.glb").meshes[0].primitives[0].morph_positions
+    assert np.abs(made["silk"] - made["leather"]).max() > 1e-3
+    assert np.abs(made["silk"] - made[None]).max() > 1e-4
+    result = run("compile", top, "-o", tmp_path / "b.glb", "--fabric", "tweed")
+    assert result.code == 2
+    assert "knows no fabric 'tweed'; choose one of cotton, silk, denim, leather" in result.err
+    assert not (tmp_path / "b.glb").exists()
+
+
 def test_json_goes_to_stdout_and_warnings_to_stderr(run: CommandLine, tmp_path: Path, top: Path) -> None:
     (tmp_path / "weave.png").unlink()
     arguments = ["compile", top, "-o", tmp_path / "a.glb", "--gender", "female"]

@@ -275,6 +275,15 @@ def test_bundles_of_one_name_are_told_apart(tmp_path: Path) -> None:
     assert len(bundle_methods([None, None], ["web", "web"])) == 1
 
 
+def test_a_bundle_that_is_told_the_fabric_moves_it_otherwise(sequence: Sequence) -> None:
+    [alone] = bundle_methods([None], ["network"])
+    told = alone.told_fabrics()
+    assert told.name.endswith(", network, told the fabric")
+    body, pose = load_default_body(sequence.facts.gender), sequence.poses[-1].astype(np.float64)
+    apart = [method.posed_template(sequence, body, None)(pose) for method in (alone, told)]
+    assert np.abs(apart[0] - apart[1]).max() > 1e-4
+
+
 def test_the_folder_of_a_training_run_is_a_method_too(tmp_path: Path) -> None:
     folder = tmp_path / "without_global"
     folder.mkdir()

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from garmentc import pipeline
+from garmentc import optimisation
 from garmentc.errors import GarmentcError
 from garmentc.gltf.asset import Clip
 from garmentc.gltf.bind import morph_sizes, moved_at_most
@@ -149,7 +149,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Compiled, Compiled]
     folder = tmp_path_factory.mktemp("nonnegative")
     with_it = compile_case(case(SKIRT, quantize=False, name="with"), folder)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "nonnegative_weights", lambda rig, options, poses: (rig, None))
+        patch.setattr(optimisation, "nonnegative_weights", lambda rig, options, poses: (rig, None))
         # Pruned as the other: it only makes this another case.
         without = compile_case(case(SKIRT, PruneMorphs().threshold, quantize=False, name="without"), folder)
     return with_it, without
@@ -198,7 +198,7 @@ def test_weights_as_baked_in_eight_bits_lose_little(files: tuple[Compiled, Compi
 
 def test_it_runs_where_shapes_are_chosen() -> None:
     body = load_default_body()
-    counts = {name: len(pipeline.passes(CompileOptions(**given), body, None)) for name, given in {
+    counts = {name: len(optimisation.passes(CompileOptions(**given), body, None)) for name, given in {
         "web": {}, "tolerance": {"profile": "reference", "morph_tolerance": 0.01}, "all": {"profile": "reference"},
         "one": {"morphs": 1}, "none": {"morphs": 0},
     }.items()}  # fmt: skip

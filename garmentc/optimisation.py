@@ -1,0 +1,88 @@
+"""The stage before the last: passes that make a rig one that engines can run, and keep the cloth out of the body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.emission import file_meshes
+from garmentc.layer import Dressed, Layer
+from garmentc.options import CompileOptions
+from garmentc.passes.blas import single_threaded_blas
+from garmentc.passes.follow_skin import FollowSkin, follow_skin
+from garmentc.passes.limit_influences import LimitInfluences, limit_influences
+from garmentc.passes.morph_normals import MorphNormals, morph_normals
+from garmentc.passes.nonnegative_weights import NonnegativeWeights, nonnegative_weights
+from garmentc.passes.pose_set import PoseSet, plausible_poses
+from garmentc.passes.prune_morphs import PruneMorphs, prune_morphs
+from garmentc.passes.quantize import Quantize, quantize
+from garmentc.passes.reduce_blend_shapes import ReduceBlendShapes, reduce_blend_shapes
+from garmentc.passes.report import PassReport
+from garmentc.passes.resolve_collisions import ResolveCollisions, resolve_collisions
+from garmentc.rig import Rig
+from garmentc.smpl.body import BodyModel
+
+CHECKED_POSES = 32
+"""Poses that the error of a pass is measured on; a quarter as many frames of the motions join them."""
+
+Pass = Callable[[Rig, PoseSet], tuple[Rig, PassReport]]
+
+
+def passes(options: CompileOptions, body: BodyModel, betas: NDArray[Any] | None) -> tuple[Pass, ...]:
+    """The passes, in the order in which they run."""
+    settings = options.settings
+    # One blend shape is no choice: it keeps its weights of both signs. All of them stay as the network has them.
+    balanced = options.morph_tolerance is not None or (settings.morphs or 0) > 1
+    count = settings.morphs - 1 if balanced and settings.morphs else settings.morphs
+    reduction = ReduceBlendShapes(None if options.morph_tolerance else count, options.morph_tolerance)
+    invisible = PruneMorphs() if settings.sparse == "auto" else PruneMorphs(threshold=0)
+    steps: list[Pass] = [
+        lambda rig, poses: follow_skin(rig, FollowSkin(), poses, body, betas),
+        lambda rig, poses: limit_influences(rig, LimitInfluences(settings.influences), poses),
+        # Needs the final weights, and works best with all keys that the network has.
+        lambda rig, poses: resolve_collisions(rig, ResolveCollisions(), poses, body, betas),
+        lambda rig, poses: reduce_blend_shapes(rig, reduction, poses),
+        # Whatever mixes or adds to shapes fills their zeros.
+        lambda rig, poses: prune_morphs(rig, invisible, poses),
+        # Follow from the final shapes.
+        lambda rig, poses: morph_normals(rig, MorphNormals(), poses),
+    ]
+    if balanced:
+        # Turns finished shapes and normals into others, exactly.
+        steps.append(lambda rig, poses: nonnegative_weights(rig, NonnegativeWeights(), poses))
+    if settings.quantize:
+        # Only measures: the back end rounds, once.
+        rounding = Quantize(settings.influences, compress=options.meshopt)
+        steps.append(lambda rig, poses: quantize(rig, rounding, poses))
+    return tuple(steps)
+
+
+def optimise(rig: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Rig, tuple[PassReport, ...]]:
+    """Run the passes. Each says what it costs in posed vertices."""
+    frames = [motion.poses for motion in dressed.motions]
+    poses = plausible_poses(np.concatenate(frames) if frames else None, check=CHECKED_POSES)
+    reports = []
+    with single_threaded_blas():  # passes have threads of their own
+        for run in passes(options, dressed.alignment.body, dressed.alignment.betas):
+            rig, report = run(rig, poses)
+            reports.append(report)
+    return rig, tuple(reports)
+
+
+def quantized_together(layers: Sequence[Layer], options: CompileOptions) -> list[Layer]:
+    """The layers with the error of quantization measured anew, where several meshes share a file's box of positions."""
+    rigs = [mesh.rig for mesh in file_meshes(layers, options)]
+    if not options.settings.quantize or len(rigs) == 1:
+        return list(layers)
+    poses = plausible_poses(check=CHECKED_POSES)
+    measured = []
+    for number, layer in enumerate(layers):
+        beside = (*rigs[:number], *rigs[number + 1 :])
+        rounding = Quantize(options.settings.influences, beside, options.meshopt)
+        _, report = quantize(layer.rig, rounding, poses)
+        measured.append(replace(layer, passes=(*layer.passes[:-1], report)))
+    return measured
