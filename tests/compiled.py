@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from garmentc import emission, pipeline
+from garmentc import emission, optimisation, pipeline
 from garmentc.gltf.asset import GltfOptions
 from garmentc.gltf.bind import rest_joint_matrices
 from garmentc.gltf.evaluate import world_positions
@@ -107,8 +107,8 @@ def _optimised(outfit: Path, pruned: float | None, profile: Profile) -> tuple[Ri
     options = CompileOptions(motion=(MOTION,), profile="reference", **asdict(profile))
     with pytest.MonkeyPatch.context() as patch:
         if pruned is not None:
-            patch.setattr(pipeline, "PruneMorphs", partial(PruneMorphs, threshold=pruned))
-        return pipeline.optimise(rig, options, dressed)
+            patch.setattr(optimisation, "PruneMorphs", partial(PruneMorphs, threshold=pruned))
+        return optimisation.optimise(rig, options, dressed)
 
 
 def compile_case(case: Case, folder: Path) -> Compiled:
