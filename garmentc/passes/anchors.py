@@ -37,6 +37,11 @@ class Anchors:
         normals = _NORMAL_REACH * vertex_normals(template, rig.triangles)
         return cls(spread_vertices(rig.vertex_count, most), np.concatenate([template, normals], axis=1))
 
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """Unit normals (n, 3) of the anchors at rest."""
+        return self.places[self.rows, 3:] / _NORMAL_REACH
+
     @cached_property
     def smoother(self) -> Any:
         """Sparse (n, n) float32: the mean of each anchor and its nearest others."""

@@ -53,14 +53,21 @@ class Planes:
         normals /= np.maximum(np.sqrt(np.einsum("ifp,ifp->fp", normals, normals)), np.finfo(np.float32).tiny)
         return cls((a + b + c) / np.float32(3), normals)
 
-    def nearest(self, points: NDArray[np.float32], reach: float) -> NDArray[np.intp]:
-        """Rows (n, P) of the centres nearest to `points` (3, n, P); F where there is none within `reach` metres."""
+    def nearest(
+        self, points: NDArray[np.float32], reach: float, marks: tuple[NDArray[Any], NDArray[Any]] | None = None
+    ) -> NDArray[np.intp]:
+        """Rows (n, P) of the centres nearest to `points` (3, n, P); F where there is none within `reach` metres.
+
+        marks  more coordinates in metres, of the points (n, D) and of the centres (F, D), the same in all poses
+        """
         from scipy.spatial import cKDTree
 
         found = np.empty(points.shape[1:], dtype=np.intp)
         for pose in range(points.shape[2]):
-            tree = cKDTree(self.centers[:, :, pose].T, balanced_tree=False)
-            found[:, pose] = tree.query(points[:, :, pose].T, distance_upper_bound=reach)[1]
+            ours, theirs = self.centers[:, :, pose].T, points[:, :, pose].T
+            if marks is not None:
+                theirs, ours = np.hstack([theirs, marks[0]]), np.hstack([ours, marks[1]])
+            found[:, pose] = cKDTree(ours, balanced_tree=False).query(theirs, distance_upper_bound=reach)[1]
         return found
 
     def offset(self, points: NDArray[np.float32], rows: NDArray[np.intp]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -124,7 +131,7 @@ def find_clearance(
     return np.concatenate(over_blocks(find, poses, POSES_AT_ONCE))
 
 
-def in_contact(distance: NDArray[np.float32], depth: float = DEPTH) -> NDArray[np.bool_]:
+def in_contact(distance: NDArray[np.float32], depth: float | NDArray[np.float32] = DEPTH) -> NDArray[np.bool_]:
     """Which distances from the skin are close enough to matter, and not deeper than can be mended."""
     return (distance < REACH) & (distance > -depth)
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.passes.body_contacts import DEPTH, POSES_AT_ONCE, Planes, Skin, in_contact
+from garmentc.passes.body_contacts import POSES_AT_ONCE, Planes, Skin, in_contact
+from garmentc.passes.covering import Covering
 from garmentc.passes.pose_blocks import over_blocks
 from garmentc.passes.posed_skinning import PosedVertices, posed_body, posed_outfit
 from garmentc.rig import Rig
@@ -16,10 +17,16 @@ from garmentc.smpl.body import BodyModel
 
 _CANDIDATES = 8
 
+_REACH = 0.12
+"""Metres to the centres of triangles, with what is added where they face elsewhere."""
+
 
 @dataclass(frozen=True)
 class NearbySkin:
     """For each of n vertices of an outfit the K triangles of its body that were nearest in some poses.
+
+    Nearest is meant among those on the side of the cloth at rest: what the front of a skirt has to come out of is the
+    front of a raised thigh, though the back may be nearer.
 
     In other poses one of them is the nearest too, but for about one contact in a hundred, or one in twenty where cloth
     is loose. Looking at these few takes a tenth of the time that a search tree takes.
@@ -28,29 +35,37 @@ class NearbySkin:
     betas       its shape
     candidates  (n, K) rows of its faces
     joined      (n, K) whether vertex and triangle hang on the same or neighbouring joints
+    turned      (n, K) float32 square metres that are added to their squared distance where they face different ways
+    depths      (n, K) float32 metres: how deep inside the vertex may be for a contact to count
     """
 
     body: BodyModel
     betas: NDArray[Any] | None
     candidates: NDArray[np.intp]
     joined: NDArray[np.bool_]
+    turned: NDArray[np.float32]
+    depths: NDArray[np.float32]
 
     @classmethod
-    def of(cls, rig: Rig, body: BodyModel, betas: NDArray[Any] | None, poses: NDArray[Any]) -> NearbySkin:
-        """The triangles that are nearest in `poses` (P, 24, 3)."""
+    def of(
+        cls, rig: Rig, normals: NDArray[Any], body: BodyModel, betas: NDArray[Any] | None, poses: NDArray[Any]
+    ) -> NearbySkin:
+        """The triangles that are nearest in `poses` (P, 24, 3) to the rig, which has unit `normals` (n, 3) at rest."""
         skin = Skin.of(body, rig)
+        covering = Covering.of(rig.template, normals, body.shaped(betas), skin.faces)
 
         def find(block: NDArray[Any]) -> NDArray[np.intp]:
             planes = Planes.of(posed_body(body, betas, block), skin.faces)
-            return planes.nearest(posed_outfit(rig, block).vertices, 2 * DEPTH)
+            return planes.nearest(posed_outfit(rig, block).vertices, _REACH, covering.marks)
 
         found = np.concatenate(over_blocks(find, poses, POSES_AT_ONCE), axis=1)
-        faces, candidates = np.unique(_most_frequent(found, len(skin.faces)), return_inverse=True)
+        frequent = _most_frequent(found, len(skin.faces))
+        faces, candidates = np.unique(frequent, return_inverse=True)
         vertices, corners = np.unique(skin.faces[faces], return_inverse=True)
         part = replace(body.of_vertices(vertices), faces=corners.reshape(-1, 3).astype(np.int32))
-        joined = skin.joined(np.repeat(np.arange(len(found)), _CANDIDATES), faces[candidates.ravel()])
-        shape = (len(found), _CANDIDATES)
-        return cls(part, betas, candidates.reshape(shape), joined.reshape(shape))
+        joined = skin.joined(np.repeat(np.arange(len(found)), _CANDIDATES), frequent.ravel()).reshape(frequent.shape)
+        candidates = candidates.reshape(frequent.shape)
+        return cls(part, betas, candidates, joined, covering.turned(frequent), covering.depths(frequent))
 
     def contacts(self, outfit: PosedVertices, poses: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Clearances (n, P) of the outfit as it is in `poses` (P, 24, 3), metres, and the skin's normals (3, n, P).
@@ -58,18 +73,19 @@ class NearbySkin:
         Both are 0 where there is no contact.
         """
         planes = Planes.of(posed_body(self.body, self.betas, poses), self.body.faces)
-        squared = np.full(outfit.vertices.shape[1:], (2 * DEPTH) ** 2, dtype=np.float32)
+        squared = np.full(outfit.vertices.shape[1:], _REACH**2, dtype=np.float32)
         chosen = np.full(squared.shape, _CANDIDATES, dtype=np.uint8)
         for column, rows in enumerate(self.candidates.T):
             apart = outfit.vertices - np.take(planes.centers, rows, axis=1)
             distance = np.einsum("inp,inp->np", apart, apart)
+            distance += self.turned[:, column, None]
             np.copyto(chosen, column, where=distance < squared)
             np.minimum(squared, distance, out=squared)
         found = chosen < _CANDIDATES
         chosen[~found] = 0
         clearance, normals = planes.offset(outfit.vertices, np.take_along_axis(self.candidates, chosen, axis=1))
         counts = found & np.take_along_axis(self.joined, chosen, axis=1)
-        counts &= in_contact(clearance)
+        counts &= in_contact(clearance, np.take_along_axis(self.depths, chosen, axis=1))
         return clearance * counts, normals * counts
 
 
