@@ -22,6 +22,10 @@ With more, skin on the right side but far along the limb would be taken for the 
 _FACING = 0.3
 """Cosine from which skin faces where cloth faces."""
 
+_CLOSE, _LOOSE = 0.015, 0.03
+"""Metres from the centre of the closest triangle at rest: closer cloth follows its limb, and what is nearest to it is
+what it comes out of; cloth farther off is run through by limbs."""
+
 _BESIDE = 0.12
 """Metres: how much farther off at rest than the closest skin is what cloth lies over too, as both legs below a skirt.
 
@@ -37,6 +41,7 @@ class Covering:
     outwards  (n, 3) unit normals of the cloth, on the side away from the closest skin: the inner side of thick cloth
               faces out too
     gaps      (n,) metres to the centre of the closest triangle
+    loose     (n,) how far all this holds for a vertex: 0 where it is close to the skin, 1 where it is loose
     centers   (F, 3) of the triangles, and
     normals   (F, 3)
     """
@@ -44,6 +49,7 @@ class Covering:
     places: NDArray[np.float32]
     outwards: NDArray[np.float32]
     gaps: NDArray[np.float32]
+    loose: NDArray[np.float32]
     centers: NDArray[np.float32]
     normals: NDArray[np.float32]
 
@@ -56,17 +62,20 @@ class Covering:
         closest = planes.nearest(places.T[:, :, None], np.inf)[:, 0]
         inwards = np.einsum("ni,ni->n", cloth_normals, normals[closest]) < 0
         outwards = np.where(inwards[:, None], -cloth_normals, cloth_normals).astype(np.float32)
-        return cls(places, outwards, np.linalg.norm(places - centers[closest], axis=1), centers, normals)
+        gaps = np.linalg.norm(places - centers[closest], axis=1)
+        loose = np.clip((gaps - _CLOSE) / (_LOOSE - _CLOSE), 0, 1)
+        return cls(places, outwards, gaps, loose, centers, normals)
 
     @property
     def marks(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Coordinates in metres of the vertices (n, 3) and of the triangles (F, 3) that are far from each other where
         they face different ways; to be added to where they are in a pose."""
-        return np.float32(_TURN) * self.outwards, np.float32(_TURN) * self.normals
+        return np.float32(_TURN) * self.loose[:, None] * self.outwards, np.float32(_TURN) * self.normals
 
     def turned(self, faces: NDArray[np.intp]) -> NDArray[np.float32]:
         """(n, K) squared distances between the marks of the vertices and of triangles `faces` (n, K)."""
-        squared: NDArray[np.float32] = np.float32(2 * _TURN**2) * (1 - self._cosines(faces))
+        loose = self.loose[:, None]
+        squared: NDArray[np.float32] = np.float32(_TURN**2) * (1 + loose**2 - 2 * loose * self._cosines(faces))
         return squared
 
     def depths(self, faces: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -77,7 +86,8 @@ class Covering:
         """
         apart = np.linalg.norm(self.centers[faces] - self.places[:, None], axis=2)
         over = (self._cosines(faces) > _FACING) & (apart < self.gaps[:, None] + _BESIDE)
-        return np.where(over, np.float32(DEEPEST), np.float32(DEPTH))
+        depths: NDArray[np.float32] = DEPTH + np.float32(DEEPEST - DEPTH) * over * self.loose[:, None]
+        return depths
 
     def _cosines(self, faces: NDArray[np.intp]) -> NDArray[np.float32]:
         cosines: NDArray[np.float32] = np.einsum("nki,ni->nk", self.normals[faces], self.outwards)

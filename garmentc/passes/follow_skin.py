@@ -37,9 +37,9 @@ class FollowSkin:
     smoothing  rounds of carrying the choice over to the vertices around
     """
 
-    reach: float = 0.02
+    reach: float = 0.03
     tight: float = 0.003
-    saved: float = 2e-3
+    saved: float = 2.5e-4
     poses: int = 20
     anchors: int = 2000
     smoothing: int = 30

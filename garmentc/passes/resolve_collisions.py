@@ -63,7 +63,7 @@ class ResolveCollisions:
     poses: int = 256
     searched: int = 24
     anchors: int = 3000
-    settling: tuple[int, ...] = (25, 4, 4, 4)
+    settling: tuple[int, ...] = (25, 1, 1, 1, 1, 1, 1)
     ridge: float = 0.2
     relaxation: float = 1.2
     smoothing: float = 0.2
