@@ -78,10 +78,10 @@ def resolve_collisions(
     In every pose, vertices get a rest-space displacement that brings the edges they are at back to the lengths of the
     rest pose, as springs (position-based dynamics, Mueller et al. 2007, averaged over a vertex's edges), and those too
     close to the skin another that brings them out along its normal, round after round: the skin that the cloth lay over
-    at rest, where a limb has come through. What the cloth has come to is
-    regressed on the keys that the rig already has (ridge least squares, one matrix for all vertices), so nothing is
-    added at run time, and the rest pose stays as it is because keys are 0 there. Regressed after every round, what keys
-    cannot express would be pushed at again and again, and shapes would grow; so poses settle first.
+    at rest, where a limb has come through. What the cloth has come to is regressed on the keys that the rig already has
+    (ridge least squares, one matrix for all vertices), so nothing is added at run time, and the rest pose stays as it
+    is because keys are 0 there. Regressed after every round, what keys cannot express would be pushed at again and
+    again, and shapes would grow; so poses settle first.
     A network's keys have few principal combinations; the shapes of those are what is worked on.
     """
     if rig.keys is None or not rig.morph_count:
