@@ -41,7 +41,7 @@ REFUSED: dict[str, tuple[int | None, str]] = {
     "micro/v_word.obj": (1, "'a' is not a number"),
     "micro/vt_out_of_range.obj": (9, "'vt' number 99"),
     "tinyobjloader/catmark_torus_creases0.obj": (62, "'vn' number 1, but the file has 0"),
-    "tinyobjloader/invalid-face-definition.obj": (15, "1 corners"),
+    "tinyobjloader/invalid-face-definition.obj": (15, "1 corner;"),
     "tinyobjloader/invalid-relative-texture-index.obj": (2, "before the first 'vt'"),
     "tinyobjloader/invalid-relative-vertex-index.obj": (1, "before the first 'v'"),
     "tinyobjloader/issue-140-zero-face-idx.obj": (16, "index 0"),
