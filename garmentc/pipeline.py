@@ -16,7 +16,7 @@ from garmentc.emission import emit
 from garmentc.errors import Diagnostic, GarmentcError
 from garmentc.families import deepsd
 from garmentc.families.bundle import Bundle, load_bundle
-from garmentc.families.held_cloth import held_cloth
+from garmentc.families.held_cloth import held_cloth, hold_beneath
 from garmentc.gltf.meshopt import codec
 from garmentc.gltf.names import unique_names
 from garmentc.layer import Dressed, Inputs, Layer
@@ -183,9 +183,10 @@ def infer(
     joined = edges(triangles)
     cloth = held_cloth(vertices, joined, body, betas)
     normals = vertex_normals(vertices, triangles)
-    return deepsd.infer(
+    rig = deepsd.infer(
         bundle, vertices, normals, triangles, joined, body.joints(betas), cloth, fabric, progress=progress
     )
+    return hold_beneath(rig, cloth, body, betas)
 
 
 class _Clock:

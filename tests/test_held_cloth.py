@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from gltf_samples import make_rig
 from worn import BODY
 
-from garmentc.families.held_cloth import held_cloth
+from garmentc.families.held_cloth import held_cloth, hold_beneath
 from garmentc.outfit.topology import edges
 from garmentc.smpl.nearest import surface_body_weights
 from garmentc.smpl.skeleton import JOINT_NAMES
@@ -87,6 +90,30 @@ def test_every_garment_of_an_outfit_is_judged_by_itself_in_any_order() -> None:
     order = np.random.default_rng(0).permutation(len(points))
     shuffled = held_cloth(points[order], np.argsort(order)[joined], BODY)
     np.testing.assert_allclose(shuffled.firmness, cloth.firmness[order], atol=1e-7)
+
+
+def test_a_shirt_that_is_tucked_in_is_held_with_the_waistband_and_one_over_it_is_not() -> None:
+    vertices, triangles = skirt()
+    still = make_rig()
+    for radius, tucked in ((0.19, True), (0.215, False)):
+        top, faces = tube(PELVIS, SHOULDER + 0.05, 0.7, radius)
+        points, both = np.concatenate([vertices, top]), np.concatenate([triangles, faces + len(vertices)])
+        rig = replace(
+            still,
+            template=points,
+            triangles=both.astype(np.int32),
+            joints=JOINTS,
+            weights=np.tile(np.eye(24, dtype=np.float32)[0], (len(points), 1)),
+            blend_shapes=np.ones((still.morph_count, len(points), 3), np.float32),
+            blend_normals=None,
+        )
+        cloth = held_cloth(points, edges(both), BODY)
+        found = hold_beneath(rig, cloth, BODY)
+        changed = np.flatnonzero((found.blend_shapes != 1).any(axis=(0, 2)))
+        assert (len(changed) > 0) == tucked
+        assert (changed >= len(vertices)).all(), "only the shirt"
+        assert (np.abs(points[changed, 1] - PELVIS[1]) < 0.15).all(), "only near the waistband"
+        np.testing.assert_allclose(found.weights.sum(axis=1), 1, atol=1e-5)
 
 
 def test_nothing_is_held_of_nothing() -> None:

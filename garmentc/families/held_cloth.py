@@ -7,14 +7,15 @@ carries the error down the whole garment.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
-from garmentc.smpl.nearest import surface_body_weights
+from garmentc.smpl.nearest import closest_on_surface, surface_body_weights
 from garmentc.smpl.skeleton import JOINT_NAMES
 
 _REACH = 0.06
@@ -26,7 +27,13 @@ _BAND = 0.1
 _BELOW_SHOULDERS = 0.03
 """Metres: what ends so far below the joints of the arms does not go over them."""
 
+_BENEATH = 0.03
+"""Metres: cloth that is farther from a held garment is not caught by it."""
+
 _SECTORS = 32
+_FIRM = 0.01
+"""Firmness below which cloth hangs free."""
+
 _WIDEST_GAP = np.pi / 2
 """Radians: a rim goes round a limb though a slit or a fly this wide is open."""
 
@@ -71,6 +78,27 @@ def held_cloth(
             depth[rows] = _depth_below_rim(vertices[rows])
     firmness = np.exp(-((np.minimum(depth, 1) / _REACH) ** 2))
     return HeldCloth(firmness.astype(np.float32), np.isfinite(depth).astype(np.float32), skin)
+
+
+def hold_beneath(rig: Rig, cloth: HeldCloth, body: BodyModel, betas: NDArray[Any] | None = None) -> Rig:
+    """The rig with what lies between the skin and held cloth held alike: a shirt that is tucked in stays in.
+
+    Networks learn nothing of layers, so this is done to what they make.
+    """
+    from scipy.spatial import cKDTree
+
+    held, others = np.flatnonzero(cloth.firmness > _FIRM), np.flatnonzero(cloth.held == 0)
+    if not len(held) or not len(others):
+        return rig
+    apart, nearest = cKDTree(rig.template[held]).query(rig.template[others], distance_upper_bound=_BENEATH)
+    others, above = others[np.isfinite(apart)], held[nearest[np.isfinite(apart)]]
+    shaped = body.shaped(betas)
+    inner, outer = (closest_on_surface(rig.template[rows], shaped, body.faces).distance for rows in (others, above))
+    rows, firmness = others[inner < outer], cloth.firmness[above[inner < outer]][:, None]
+    weights, shapes = rig.weights.copy(), rig.blend_shapes.copy()
+    weights[rows] = firmness * cloth.skin[rows] + (1 - firmness) * weights[rows]
+    shapes[:, rows] *= 1 - firmness
+    return replace(rig, weights=weights, blend_shapes=shapes)
 
 
 def _garments(edges: NDArray[Any], count: int) -> list[NDArray[np.intp]]:
