@@ -73,7 +73,7 @@ def infer(
     sessions = _sessions(bundle, threads)
     count = len(vertices)
     inputs = np.asarray(vertices, np.float32), np.asarray(normals, np.float32)
-    held = np.column_stack([cloth.firmness, cloth.held])
+    held = cloth.features
     adjacency = _adjacency(edges, count)
     local: NDArray[np.float32] | None = None
     pooled: NDArray[np.float32] | None = None

@@ -58,6 +58,11 @@ class HeldCloth:
     held: NDArray[np.float32]
     skin: NDArray[np.float32]
 
+    @property
+    def features(self) -> NDArray[np.float32]:
+        """(N, 2) firmness and held, as networks see them."""
+        return np.column_stack([self.firmness, self.held])
+
 
 def held_cloth(
     vertices: NDArray[Any], edges: NDArray[Any], body: BodyModel, betas: NDArray[Any] | None = None
@@ -95,6 +100,8 @@ def hold_beneath(rig: Rig, cloth: HeldCloth, body: BodyModel, betas: NDArray[Any
     shaped = body.shaped(betas)
     inner, outer = (closest_on_surface(rig.template[rows], shaped, body.faces).distance for rows in (others, above))
     rows, firmness = others[inner < outer], cloth.firmness[above[inner < outer]][:, None]
+    if not len(rows):
+        return rig
     weights, shapes = rig.weights.copy(), rig.blend_shapes.copy()
     weights[rows] = firmness * cloth.skin[rows] + (1 - firmness) * weights[rows]
     shapes[:, rows] *= 1 - firmness

@@ -129,7 +129,7 @@ def make_sample(
         rest_lengths=(points[edge_tensor[:, 0]] - points[edge_tensor[:, 1]]).norm(dim=1),
         counts=torch.from_numpy(degree.astype(np.float32)),
         mean=_sparse(mean),
-        held=torch.from_numpy(np.column_stack([cloth.firmness, cloth.held])),
+        held=torch.from_numpy(cloth.features),
         skin=torch.from_numpy(cloth.skin),
         body=body,
     )
