@@ -31,7 +31,8 @@ class FollowSkin:
 
     reach      metres: cloth this far from the skin takes a share 1/e of the skin's weights, nearer cloth more
     tight      metres: cloth this close clings to the skin, and takes its weights even where they save nothing
-    saved      metres of mean penetration that the skin's weights must save for a vertex to take them
+    saved      metres of mean penetration that the skin's weights must save for a vertex to take them,
+    mended     and from which to which share of all its penetration: with less it takes none of them, with more all
     poses      how many poses to look at
     anchors    vertices to look at; those between them do as they do
     smoothing  rounds of carrying the choice over to the vertices around
@@ -39,10 +40,11 @@ class FollowSkin:
 
     reach: float = 0.03
     tight: float = 0.003
-    saved: float = 2.5e-4
+    saved: float = 5e-4
+    mended: tuple[float, float] = (0.6, 0.8)
     poses: int = 20
     anchors: int = 2000
-    smoothing: int = 30
+    smoothing: int = 10
 
 
 def follow_skin(
@@ -52,8 +54,9 @@ def follow_skin(
 
     A network knows a body's joints roughly: a short sleeve that follows the trunk a little too much lets the arm
     through. The skin's own weights are right there, but make everything else as stiff as skin. So each vertex takes
-    them as far as that saves it from penetration in the poses to fit, or as it clings to the skin at rest, as a shoe
-    does; all others keep the network's.
+    them where they save it from nearly all penetration, in the poses to fit with the trunk's joints turned some more,
+    or as far as it clings to the skin at rest, as a shoe does; all others keep the network's. Where the skin's weights
+    leave much of the penetration, cloth is loose, and the network knows it better.
     """
     skin = body.shaped(betas)
     anchors = Anchors.of(rig, options.anchors)
@@ -62,10 +65,12 @@ def follow_skin(
     all_in = replace(part, weights=_mixed(part.weights, np.ones(len(anchors.rows)), closest, body, options.reach))
     with single_threaded_blas():
         wanted = CLOSEST + wanted_clearance(part, body, betas)
-        clearance = find_clearance(side_by_side(part, all_in), body, betas, poses.some(options.poses), _DEPTH)
+        clearance = find_clearance(side_by_side(part, all_in), body, betas, poses.some_shaken(options.poses), _DEPTH)
     lacking = np.maximum(np.concatenate([wanted, wanted]) - clearance, 0).mean(axis=0)
     before, after = np.split(lacking, 2)
-    saves = np.clip((before - after) / options.saved, 0, 1)
+    least, enough = options.mended
+    mended = 1 - after / np.maximum(before, np.finfo(before.dtype).tiny)
+    saves = np.clip((before - after) / options.saved, 0, 1) * np.clip((mended - least) / (enough - least), 0, 1)
     clings = np.exp(-((closest.distance / options.tight) ** 2))
     chosen = choice = np.maximum(saves, clings)
     for _ in range(options.smoothing):

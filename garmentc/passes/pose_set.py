@@ -12,11 +12,19 @@ from numpy.typing import NDArray
 from garmentc.passes.blas import single_threaded_blas
 from garmentc.rig import KeyNetwork
 from garmentc.smpl.pose_sampler import sample_poses
-from garmentc.smpl.skeleton import JOINT_COUNT
+from garmentc.smpl.skeleton import JOINT_COUNT, JOINT_NAMES
 
 FIT_COUNT = 1024
 CHECK_COUNT = 48
-_FIT_SEED, _CHECK_SEED = 1, 2
+_FIT_SEED, _CHECK_SEED, _SHAKEN_SEED = 1, 2, 3
+
+_TRUNK = ("spine1", "spine2", "spine3", "neck", "head")
+_AT_THE_TRUNK = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "collar", "shoulder"))
+_SHAKEN_JOINTS = [JOINT_NAMES.index(name) for name in (*_TRUNK, *_AT_THE_TRUNK)]
+"""What sampled poses turn together and people do not."""
+
+_MOST_SHAKEN = np.radians(17)
+"""Standard deviation of the turn about each axis in the pose that is shaken most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +44,18 @@ class PoseSet:
         """At most `count` of the poses to fit, spread over them."""
         count = min(count, len(self.fit))
         return np.asarray(self.fit[_spread(len(self.fit), count, 0.5)], np.float64)
+
+    def some_shaken(self, count: int) -> NDArray[np.float64]:
+        """At most `count` of the poses to fit, each with its trunk's joints turned at random, some more, some less.
+
+        Recorded people bend one vertebra and not the next, and lift a shoulder without the arm. Sampled poses do not,
+        and what is chosen on them alone may fail there.
+        """
+        poses = self.some(count).copy()
+        rng = np.random.default_rng(_SHAKEN_SEED)
+        amount = _MOST_SHAKEN * rng.uniform(0, 1, (len(poses), 1, 1))
+        poses[:, _SHAKEN_JOINTS] += amount * rng.normal(size=(len(poses), len(_SHAKEN_JOINTS), 3))
+        return poses
 
 
 def plausible_poses(motion: NDArray[Any] | None = None, fit: int = FIT_COUNT, check: int = CHECK_COUNT) -> PoseSet:

@@ -17,16 +17,16 @@ from garmentc.rig import Rig
 
 @dataclass(frozen=True)
 class PosedCloth:
-    """n vertices in P poses, float32, to first order in displacements of the rest vertices.
+    """n vertices in P poses, float32, with the planes that they should stay outside of.
 
-    posed      the vertices, and how they are turned
-    lacking    (n, P) how far each would have to go out, metres at rest, and
-    outwards   (3, n, P) in which direction, a unit vector at rest; 0 where there is no contact
+    posed    the vertices, and how they are turned
+    normals  (3, n, P) unit normals of the skin where there is a contact, 0 where there is none
+    least    (n, P) how far along them each vertex should be, at least: metres from the origin
     """
 
     posed: PosedVertices
-    lacking: NDArray[np.float32]
-    outwards: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    least: NDArray[np.float32]
 
     @classmethod
     def of(
@@ -35,37 +35,47 @@ class PosedCloth:
         """The rig in `poses` (P, 24, 3), with `wanted` clearances (n,) from the skin beyond what that bulges out."""
         posed = posed_outfit(rig, poses)
         clearance, normals = skin.contacts(posed, poses)
-        lacking = bulging.height(posed.vertices, normals)
-        lacking += wanted[:, None]
-        lacking -= clearance
-        # How clearance changes with a displacement of the rest vertex, to first order.
-        gradient = np.einsum("ijnp,inp->jnp", posed.turn, normals)
-        size = np.maximum(np.sqrt(np.einsum("inp,inp->np", gradient, gradient)), 1e-3)
-        return cls(posed, lacking / size, gradient / size)
+        least = bulging.height(posed.vertices, normals)
+        least += wanted[:, None]
+        least -= clearance
+        least += np.einsum("inp,inp->np", normals, posed.vertices)
+        return cls(posed, normals, least)
 
-    def settled(
+    def way(
         self, moved: NDArray[np.float32], springs: Springs, rounds: int, relaxation: float, momentum: float
     ) -> NDArray[np.float32]:
-        """Rest-space displacements (3, n, P) that cloth with the displacements `moved` comes to in so many rounds.
+        """How far cloth with the rest-space displacements `moved` goes in so many rounds, (3, n, P), in rest space too.
 
         A round goes towards unstretched springs, a share `relaxation` of the way that would be right for an edge alone,
-        and from there out to where it should be; it begins a share `momentum` of the last round's way ahead.
+        and from there out to where it should be; it begins a share `momentum` of the last round's way ahead. No round
+        only goes out to where it should be.
         """
-        before = moved
+        start = np.einsum("ijnp,jnp->inp", self.posed.turn, moved)
+        start += self.posed.vertices
+        if not rounds:
+            return self._at_rest(self._way_out(start))
+        before = now = start
         for _ in range(rounds):
-            ahead = moved + np.float32(momentum) * (moved - before)
-            vertices = np.einsum("ijnp,jnp->inp", self.posed.turn, ahead)
-            vertices += self.posed.vertices
-            step = np.einsum("ijnp,inp->jnp", self.posed.turn, springs.pull(vertices))
-            step *= relaxation
-            ahead += step
-            ahead += self.way_out(ahead)
-            before, moved = moved, ahead
-        return moved
+            ahead = now - before
+            ahead *= np.float32(momentum)
+            ahead += now
+            pull = springs.pull(ahead)
+            pull *= np.float32(relaxation)
+            ahead += pull
+            ahead += self._way_out(ahead)
+            before, now = now, ahead
+        return self._at_rest(now - start)
 
-    def way_out(self, moved: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The rest-space step (3, n, P), from displacements `moved`, of what is too close to the skin there."""
-        lacking = self.lacking - np.einsum("inp,inp->np", self.outwards, moved)
+    def _way_out(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The step (3, n, P) of those of the vertices (3, n, P) that are too close to the skin."""
+        lacking = self.least - np.einsum("inp,inp->np", self.normals, vertices)
         np.maximum(lacking, 0, out=lacking)
-        way: NDArray[np.float32] = self.outwards * lacking
+        way: NDArray[np.float32] = self.normals * lacking
         return way
+
+    def _at_rest(self, way: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What skinning makes `way` (3, n, P) of, nearly: it turns, and shrinks where joints' rotations are mixed."""
+        turn = self.posed.turn
+        result: NDArray[np.float32] = np.einsum("ijnp,inp->jnp", turn, way)
+        result /= np.maximum(np.einsum("ijnp,ijnp->np", turn, turn) / np.float32(3), np.float32(0.1))
+        return result

@@ -63,7 +63,7 @@ class ResolveCollisions:
     poses: int = 256
     searched: int = 24
     anchors: int = 3000
-    settling: tuple[int, ...] = (25, 1, 1, 1, 1, 1, 1)
+    settling: tuple[int, ...] = (50, 10, 1, 1, 1, 1, 1)
     ridge: float = 0.2
     relaxation: float = 1.2
     smoothing: float = 0.2
@@ -144,19 +144,15 @@ def _settled(
     cloth: Sequence[PosedCloth], springs: Springs, regression: _Regression, options: ResolveCollisions
 ) -> NDArray[np.float32]:
     """Shapes (3, n, r) to add so that the n vertices do all that in the poses of the blocks of `cloth`."""
-    ends = np.cumsum([block.lacking.shape[1] for block in cloth])[:-1]
+    ends = np.cumsum([block.least.shape[1] for block in cloth])[:-1]
     amounts, weights = (np.split(array, ends) for array in (regression.amounts, regression.weights))
     smoothing = options.smoothing * regression.kept
-    shapes = np.zeros((3, len(cloth[0].lacking), len(regression.kept)), dtype=np.float32)
+    shapes = np.zeros((3, len(cloth[0].least), len(regression.kept)), dtype=np.float32)
 
     def step(
         block: PosedCloth, amounts: NDArray[np.float32], weights: NDArray[np.float32], rounds: int
     ) -> NDArray[np.float32]:
-        moved = shapes @ amounts.T
-        if rounds:
-            way = block.settled(moved, springs, rounds, options.relaxation, options.momentum) - moved
-        else:
-            way = block.way_out(moved)
+        way = block.way(shapes @ amounts.T, springs, rounds, options.relaxation, options.momentum)
         result: NDArray[np.float32] = way @ weights
         return result
 

@@ -43,10 +43,13 @@ class Springs:
     def pull(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
         """Where to vertices (3, n, P) in P poses are pulled, (3, n, P): half an edge's stretch, the mean over edges."""
         along = self._differences(vertices)
-        length = np.sqrt(np.einsum("iep,iep->ep", along, along))
+        length = np.einsum("iep,iep->ep", along, along)
+        np.sqrt(length, out=length)
         slack = np.divide(self.lengths[:, None], np.maximum(length, 1e-9, out=length), out=length)
         along *= np.subtract(1, slack, out=slack)
-        return 0.5 * self._means(along)
+        pull = self._means(along)
+        pull *= np.float32(0.5)
+        return pull
 
     def sag(self, vertices: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
         """How far skin rises between vertices (3, n, P) that touch it, (n, P): the mean over each vertex's edges.
