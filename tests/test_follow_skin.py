@@ -57,6 +57,16 @@ def test_rows_sum_to_one_and_nothing_else_changes(lazy: Rig, followed: tuple[Rig
     assert "% of the cloth follows" in report.detail
 
 
+def test_what_the_skin_would_hardly_mend_keeps_its_own_weights(lazy: Rig) -> None:
+    """Legs modelled 1 cm too thin are in the body whatever weights they have: the network's do as well as the skin's."""
+    thin = replace(trousers(gap=-0.01), weights=lazy.weights)
+    eager, _ = follow_skin(thin, FollowSkin(mended=(0, 0.01)), POSES, BODY)
+    rig, _ = follow_skin(thin, FollowSkin(), POSES, BODY)
+    left_shin = trousers().weights[:, LEFT_KNEE] > 0.9
+    assert np.abs(eager.weights - thin.weights)[left_shin].max(axis=1).mean() > 0.1
+    assert np.abs(rig.weights - thin.weights)[left_shin].max(axis=1).mean() < 0.01
+
+
 def test_what_clings_to_the_skin_takes_its_weights_whatever_they_save() -> None:
     """A sock, half bound to the pelvis, where nothing that the skin's weights could save is enough."""
     sock = trousers(gap=0.0005)

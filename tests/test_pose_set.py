@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from garmentc.passes.pose_set import farthest_apart, plausible_poses
+from garmentc.smpl.skeleton import JOINT_NAMES
 
 
 def rows(poses: np.ndarray) -> set[bytes]:
@@ -44,6 +45,18 @@ def test_some_poses_are_spread_over_all() -> None:
     assert len(some) == 15
     assert (some == 1).all(axis=(1, 2)).sum() == 3
     assert len(poses.some(1000)) == len(poses.fit)
+
+
+def test_shaken_poses_differ_at_the_trunk_alone_and_are_the_same_in_every_run() -> None:
+    poses = plausible_poses(fit=60, check=8)
+    shaken, plain = poses.some_shaken(30), poses.some(30)
+    turned = np.degrees(np.linalg.norm(shaken - plain, axis=2))
+    moved = {JOINT_NAMES[joint] for joint in np.flatnonzero(turned.any(axis=0))}
+    assert {"spine1", "spine2", "spine3", "left_collar", "right_collar"} < moved
+    assert not moved & {"pelvis", "left_knee", "right_elbow", "left_wrist"}
+    assert 5 < turned[:, JOINT_NAMES.index("spine2")].mean() < 25
+    np.testing.assert_array_equal(poses.some_shaken(30), shaken)
+    np.testing.assert_array_equal(poses.some(30), plain)
 
 
 def test_the_same_in_every_run() -> None:
