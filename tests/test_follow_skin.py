@@ -58,7 +58,7 @@ def test_rows_sum_to_one_and_nothing_else_changes(lazy: Rig, followed: tuple[Rig
 
 
 def test_what_the_skin_would_hardly_mend_keeps_its_own_weights(lazy: Rig) -> None:
-    """Legs modelled 1 cm too thin are in the body whatever weights they have: the network's do as well as the skin's."""
+    """Legs modelled 1 cm too thin are in the body with any weights: the network's do as well as the skin's."""
     thin = replace(trousers(gap=-0.01), weights=lazy.weights)
     eager, _ = follow_skin(thin, FollowSkin(mended=(0, 0.01)), POSES, BODY)
     rig, _ = follow_skin(thin, FollowSkin(), POSES, BODY)
