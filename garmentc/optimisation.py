@@ -14,6 +14,7 @@ from garmentc.layer import Dressed, Layer
 from garmentc.options import CompileOptions
 from garmentc.passes.blas import single_threaded_blas
 from garmentc.passes.follow_skin import FollowSkin, follow_skin
+from garmentc.passes.keep_tucked import KeepTucked, keep_tucked
 from garmentc.passes.limit_influences import LimitInfluences, limit_influences
 from garmentc.passes.morph_normals import MorphNormals, morph_normals
 from garmentc.passes.nonnegative_weights import NonnegativeWeights, nonnegative_weights
@@ -45,6 +46,8 @@ def passes(options: CompileOptions, body: BodyModel, betas: NDArray[Any] | None)
         lambda rig, poses: limit_influences(rig, LimitInfluences(settings.influences), poses),
         # Needs the final weights, and works best with all keys that the network has.
         lambda rig, poses: resolve_collisions(rig, ResolveCollisions(), poses, body, betas),
+        # Copies what all passes before have made of the cloth above.
+        lambda rig, poses: keep_tucked(rig, KeepTucked(influences=settings.influences), poses, body, betas),
         lambda rig, poses: reduce_blend_shapes(rig, reduction, poses),
         # Whatever mixes or adds to shapes fills their zeros.
         lambda rig, poses: prune_morphs(rig, invisible, poses),

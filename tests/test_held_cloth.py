@@ -7,43 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gltf_samples import make_rig
-from worn import BODY
+from worn import BODY, JOINTS, PELVIS, SHOULDER, skirt, tube
 
 from garmentc.families.held_cloth import held_cloth, hold_beneath
 from garmentc.outfit.topology import edges
 from garmentc.smpl.nearest import surface_body_weights
 from garmentc.smpl.skeleton import JOINT_NAMES
 
-JOINTS = BODY.joints()
-PELVIS, KNEE, WRIST = (JOINTS[JOINT_NAMES.index(name)] for name in ("pelvis", "left_knee", "left_wrist"))
-SHOULDER = JOINTS[JOINT_NAMES.index("left_shoulder"), 1]
-
-
-def tube(
-    middle: np.ndarray,
-    top: float,
-    length: float,
-    radius: float,
-    *,
-    around: int = 48,
-    span: float = 2 * np.pi,
-    tilt: float = 0,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles of a tube about a vertical; its rim rises by `tilt` per metre forwards."""
-    rings = 12
-    angle = span * np.arange(around) / around
-    ring = np.column_stack([np.sin(angle), np.zeros(around), np.cos(angle)]) * radius
-    rows = [ring + np.array([middle[0], top - length * k / (rings - 1), middle[2]]) for k in range(rings)]
-    vertices = np.concatenate(rows)
-    vertices[:, 1] += tilt * (vertices[:, 2] - middle[2])
-    k, i = np.meshgrid(np.arange(rings - 1), np.arange(around if span == 2 * np.pi else around - 1), indexing="ij")
-    a, b = k * around + i, k * around + (i + 1) % around
-    quads = np.stack([a, b, b + around, a + around], axis=-1).reshape(-1, 4)
-    return vertices, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-
-
-def skirt(**shape: float) -> tuple[np.ndarray, np.ndarray]:
-    return tube(PELVIS, PELVIS[1] + 0.1, 0.5, 0.2, **shape)
+KNEE, WRIST = (JOINTS[JOINT_NAMES.index(name)] for name in ("left_knee", "left_wrist"))
 
 
 @pytest.mark.parametrize("tilt", [0, 0.2])

@@ -86,9 +86,9 @@ def held_cloth(
 
 
 def hold_beneath(rig: Rig, cloth: HeldCloth, body: BodyModel, betas: NDArray[Any] | None = None) -> Rig:
-    """The rig with what lies between the skin and held cloth held alike: a shirt that is tucked in stays in.
+    """The rig with what lies between the skin and held cloth held alike: a shirt goes with the waistband round it.
 
-    Networks learn nothing of layers, so this is done to what they make.
+    Networks learn nothing of layers, so this is done to what they make. How its tails move is left to `keep_tucked`.
     """
     from scipy.spatial import cKDTree
 
