@@ -84,4 +84,6 @@ def test_a_single_garment_is_no_layer() -> None:
         weights=rig.weights[~shirt],
         blend_shapes=rig.blend_shapes[:, ~shirt],
     )
-    assert keep_tucked(alone, KeepTucked(), POSES, BODY)[0] is alone
+    kept, report = keep_tucked(alone, KeepTucked(), POSES, BODY)
+    assert kept is alone
+    assert report.detail == "a single garment"

@@ -76,7 +76,7 @@ def held_cloth(
     skin = surface_body_weights(vertices, shaped, body).astype(np.float32)
     shoulders = body.joints(betas)[_SHOULDERS, 1].min()
     depth = np.full(len(vertices), np.inf)
-    for rows in _garments(edges, len(vertices)):
+    for rows in garments_of(edges, len(vertices)):
         below_shoulders = vertices[rows, 1].max() < shoulders - _BELOW_SHOULDERS
         on_an_arm = skin[rows][:, _ARMS].sum(axis=1).mean() > 0.5
         if below_shoulders and not on_an_arm and _goes_round(vertices[rows], shaped, body.faces):
@@ -108,7 +108,7 @@ def hold_beneath(rig: Rig, cloth: HeldCloth, body: BodyModel, betas: NDArray[Any
     return replace(rig, weights=weights, blend_shapes=shapes)
 
 
-def _garments(edges: NDArray[Any], count: int) -> list[NDArray[np.intp]]:
+def garments_of(edges: NDArray[Any], count: int) -> list[NDArray[np.intp]]:
     """The vertices of each connected part of an outfit."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components

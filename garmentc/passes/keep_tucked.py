@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.families.held_cloth import held_cloth
+from garmentc.families.held_cloth import garments_of, held_cloth
 from garmentc.outfit.topology import edges
 from garmentc.passes.limit_influences import largest_weights
 from garmentc.passes.pose_set import PoseSet
@@ -42,6 +42,8 @@ def keep_tucked(
     before this one know of layers. With the movement of what covers them they stay beneath it.
     """
     joined = edges(rig.triangles)
+    if len(garments_of(joined, rig.vertex_count)) < 2:
+        return rig, PassReport("keep tucked", "a single garment")
     held = held_cloth(rig.template, joined, body, betas).held > 0
     rows, triangles, barycentric, share = _tucked(rig, held, options.reach, body.shaped(betas), body.faces)
     if not len(rows):
