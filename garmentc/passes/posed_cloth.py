@@ -14,6 +14,10 @@ from garmentc.passes.posed_skinning import PosedVertices, posed_outfit
 from garmentc.passes.springs import Springs
 from garmentc.rig import Rig
 
+_MOST_SHRUNK = 0.1
+"""Share of a squared length that skinning leaves at least, as far as it is made up for: in cloth that it all but
+collapses to a point, no movement at rest is large enough."""
+
 
 @dataclass(frozen=True)
 class PosedCloth:
@@ -77,5 +81,5 @@ class PosedCloth:
         """What skinning makes `way` (3, n, P) of, nearly: it turns, and shrinks where joints' rotations are mixed."""
         turn = self.posed.turn
         result: NDArray[np.float32] = np.einsum("ijnp,inp->jnp", turn, way)
-        result /= np.maximum(np.einsum("ijnp,ijnp->np", turn, turn) / np.float32(3), np.float32(0.1))
+        result /= np.maximum(np.einsum("ijnp,ijnp->np", turn, turn) / np.float32(3), np.float32(_MOST_SHRUNK))
         return result
