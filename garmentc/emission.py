@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from garmentc.gltf.asset import Asset, Clip, GltfOptions, RiggedMesh
 from garmentc.gltf.body_mesh import body_mesh
 from garmentc.gltf.names import unique_names
@@ -16,6 +18,7 @@ from garmentc.key_graph import write_key_graph
 from garmentc.layer import Layer
 from garmentc.options import CompileOptions
 from garmentc.rig import Rig
+from garmentc.smpl.motion import Motion
 
 
 def emit(layers: Sequence[Layer], options: CompileOptions, output: Path) -> WrittenGlb:
@@ -29,7 +32,7 @@ def emit(layers: Sequence[Layer], options: CompileOptions, output: Path) -> Writ
         rig=meshes[0].rig,
         primitives=meshes[0].primitives,
         materials=meshes[0].materials,
-        clips=tuple(Clip(motion) for motion in motions),
+        clips=_clips(motions, meshes),
         options=GltfOptions(
             influences=settings.influences,
             quantize=settings.quantize,
@@ -53,6 +56,16 @@ def emit(layers: Sequence[Layer], options: CompileOptions, output: Path) -> Writ
     if options.keys_onnx is not None and first.rig.keys is not None:
         write_key_graph(first.rig.keys, options.keys_onnx)
     return written
+
+
+def _clips(motions: Sequence[Motion], meshes: Sequence[RiggedMesh]) -> tuple[Clip, ...]:
+    """The motions, each with the keys that the meshes have for its frames."""
+    ends = np.cumsum([len(motion) for motion in motions])[:-1]
+    keys = [mesh.rig.animation_keys for mesh in meshes]
+    parts = [[None] * len(motions) if all_keys is None else np.split(all_keys, ends) for all_keys in keys]
+    return tuple(
+        Clip(motion, tuple(of_mesh)) for motion, of_mesh in zip(motions, zip(*parts, strict=True), strict=True)
+    )
 
 
 def _lowest(rig: Rig) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from garmentc.families.bundle import Bundle
+from garmentc.families.held_cloth import HeldCloth
 from garmentc.outfit.align import Alignment
 from garmentc.outfit.corners import CornerMesh
 from garmentc.outfit.outfit import Outfit
@@ -26,12 +27,13 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Dressed:
-    """The outfit on its body, in the body's axes and T-pose, and the motions that this body will do."""
+    """The outfit on its body, in the body's axes and T-pose, what holds it there, and the motions of this body."""
 
     alignment: Alignment
     outfit: Outfit
     welded: Welded
     corners: CornerMesh
+    cloth: HeldCloth
     motions: tuple[Motion, ...]
 
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from garmentc.emission import file_meshes
 from garmentc.layer import Dressed, Layer
 from garmentc.options import CompileOptions
 from garmentc.passes.blas import single_threaded_blas
-from garmentc.passes.follow_skin import FollowSkin, follow_skin
+from garmentc.passes.follow_skin import CLINGING, FollowSkin, follow_skin
 from garmentc.passes.keep_tucked import KeepTucked, keep_tucked
 from garmentc.passes.limit_influences import LimitInfluences, limit_influences
 from garmentc.passes.morph_normals import MorphNormals, morph_normals
@@ -24,8 +22,8 @@ from garmentc.passes.quantize import Quantize, quantize
 from garmentc.passes.reduce_blend_shapes import ReduceBlendShapes, reduce_blend_shapes
 from garmentc.passes.report import PassReport
 from garmentc.passes.resolve_collisions import ResolveCollisions, resolve_collisions
+from garmentc.passes.settle_animations import SettleAnimations, settle_animations
 from garmentc.rig import Rig
-from garmentc.smpl.body import BodyModel
 
 CHECKED_POSES = 32
 """Poses that the error of a pass is measured on; a quarter as many frames of the motions join them."""
@@ -33,22 +31,37 @@ CHECKED_POSES = 32
 Pass = Callable[[Rig, PoseSet], tuple[Rig, PassReport]]
 
 
-def passes(options: CompileOptions, body: BodyModel, betas: NDArray[Any] | None) -> tuple[Pass, ...]:
-    """The passes, in the order in which they run."""
-    settings = options.settings
+def passes(inferred: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Pass, ...]:
+    """The passes for a rig as the networks have made it, in the order in which they run."""
+    settings, body, betas = options.settings, dressed.alignment.body, dressed.alignment.betas
+    cloth, influences = dressed.cloth, LimitInfluences(settings.influences)
     # One blend shape is no choice: it keeps its weights of both signs. All of them stay as the network has them.
     balanced = options.morph_tolerance is not None or (settings.morphs or 0) > 1
     count = settings.morphs - 1 if balanced and settings.morphs else settings.morphs
     reduction = ReduceBlendShapes(None if options.morph_tolerance else count, options.morph_tolerance)
     invisible = PruneMorphs() if settings.sparse == "auto" else PruneMorphs(threshold=0)
+    settling = SettleAnimations(settings.animation_morphs)
+
+    def settle(rig: Rig, poses: PoseSet) -> tuple[Rig, PassReport]:
+        if not dressed.motions or not settling.shapes:
+            return rig, PassReport("settle animations", "none")
+        # Frames settle by themselves: the networks' own weights are nearer to how cloth hangs than those that resolve
+        # all poses at once.
+        start, _ = limit_influences(follow_skin(inferred, CLINGING, poses, body, betas)[0], influences, poses)
+        return settle_animations(rig, start, settling, dressed.motions, cloth.firmness, body, betas)
+
     steps: list[Pass] = [
         lambda rig, poses: follow_skin(rig, FollowSkin(), poses, body, betas),
-        lambda rig, poses: limit_influences(rig, LimitInfluences(settings.influences), poses),
+        lambda rig, poses: limit_influences(rig, influences, poses),
         # Needs the final weights, and works best with all keys that the network has.
         lambda rig, poses: resolve_collisions(rig, ResolveCollisions(), poses, body, betas),
-        # Copies what all passes before have made of the cloth above.
-        lambda rig, poses: keep_tucked(rig, KeepTucked(influences=settings.influences), poses, body, betas),
         lambda rig, poses: reduce_blend_shapes(rig, reduction, poses),
+        # Makes up for what the reduction has left out, too.
+        settle,
+        # Copies what all passes before have made of the cloth above.
+        lambda rig, poses: keep_tucked(
+            rig, KeepTucked(influences=settings.influences), poses, cloth.held > 0, body, betas
+        ),
         # Whatever mixes or adds to shapes fills their zeros.
         lambda rig, poses: prune_morphs(rig, invisible, poses),
         # Follow from the final shapes.
@@ -70,7 +83,7 @@ def optimise(rig: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Rig, 
     poses = plausible_poses(np.concatenate(frames) if frames else None, check=CHECKED_POSES)
     reports = []
     with single_threaded_blas():  # passes have threads of their own
-        for run in passes(options, dressed.alignment.body, dressed.alignment.betas):
+        for run in passes(rig, options, dressed):
             rig, report = run(rig, poses)
             reports.append(report)
     return rig, tuple(reports)

@@ -35,12 +35,17 @@ _CHOICES = {
 }
 
 
+_MOST_MORPHS = 128
+"""Of the morph targets that several engines draw no more."""
+
+
 @dataclass(frozen=True)
 class Profile:
     """Pass settings with a name.
 
     influences  joints that may move a vertex: 4 or 8
     morphs      blend shapes written, of which one balances the others where there are several; None keeps all
+    animation_morphs  blend shapes more, at most, that only the animations use
     quantize    integer vertex attributes instead of float32
     sparse      store a morph target's zeros implicitly where that is smaller; of quantized files only those that are
                 compressed (meshopt), unless a compile asks for it
@@ -48,15 +53,16 @@ class Profile:
 
     influences: int
     morphs: int | None
+    animation_morphs: int
     quantize: bool
     sparse: Sparse
 
 
 PROFILES: dict[ProfileName, Profile] = {
-    "mobile": Profile(influences=4, morphs=8, quantize=True, sparse="auto"),
-    "web": Profile(influences=4, morphs=32, quantize=True, sparse="auto"),
-    "desktop": Profile(influences=8, morphs=64, quantize=False, sparse="auto"),
-    "reference": Profile(influences=8, morphs=None, quantize=False, sparse="never"),
+    "mobile": Profile(influences=4, morphs=8, animation_morphs=0, quantize=True, sparse="auto"),
+    "web": Profile(influences=4, morphs=32, animation_morphs=32, quantize=True, sparse="auto"),
+    "desktop": Profile(influences=8, morphs=64, animation_morphs=64, quantize=False, sparse="auto"),
+    "reference": Profile(influences=8, morphs=None, animation_morphs=0, quantize=False, sparse="never"),
 }
 
 
@@ -71,9 +77,11 @@ class CompileOptions:
     motion                   motion files (AMASS npz or BVH), one or several; each becomes an animation
     motion_up                up axis of the motions
     units, up, front, pose   of the outfit; "auto" detects and reports
-    profile                  named settings of the passes; the five options after it override single ones
+    profile                  named settings of the passes; the six options after it override single ones
     influences               4 or 8
     morphs                   number of blend shapes
+    animation_morphs         number of blend shapes more that only the animations use, at most; 0 leaves these to the
+                             pose keys
     morph_tolerance          metres; as few blend shapes as keep the error below it
     quantize, sparse         see Profile
     unwrap                   make texture coordinates where there are none
@@ -102,6 +110,7 @@ class CompileOptions:
     profile: ProfileName = "web"
     influences: int | None = None
     morphs: int | None = None
+    animation_morphs: int | None = None
     morph_tolerance: float | None = None
     quantize: bool | None = None
     sparse: Sparse | None = None
@@ -135,6 +144,8 @@ class CompileOptions:
                 raise GarmentcError(f"{name} is {getattr(self, name)!r}; choose one of {offered}")
         if self.morphs is not None and self.morphs < 0:
             raise GarmentcError(f"morphs is {self.morphs}; choose 0 or more")
+        if self.animation_morphs is not None and self.animation_morphs < 0:
+            raise GarmentcError(f"animation_morphs is {self.animation_morphs}; choose 0 or more")
         if self.morph_tolerance is not None and not self.morph_tolerance > 0:
             raise GarmentcError(f"morph_tolerance is {self.morph_tolerance} m; choose a length above zero")
         if self.morphs is not None and self.morph_tolerance is not None:
@@ -146,6 +157,8 @@ class CompileOptions:
         base = PROFILES[self.profile]
         own = {field.name: getattr(self, field.name) for field in fields(Profile)}
         chosen = {name: getattr(base, name) if value is None else value for name, value in own.items()}
+        if self.animation_morphs is None and self.morphs is not None:
+            chosen["animation_morphs"] = min(chosen["animation_morphs"], max(0, _MOST_MORPHS - self.morphs))
         if self.sparse is None and chosen["quantize"] and not self.meshopt:
             # glTF-Transform 4.5 writes sparse accessors of fractions as zeros, and they save about a tenth.
             chosen["sparse"] = "never"

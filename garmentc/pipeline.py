@@ -160,7 +160,8 @@ def _dressed(alignment: Alignment, motions: tuple[Motion, ...], options: Compile
     outfit = unwrap(alignment.outfit, options.unwrap)
     welded = weld(outfit)
     outfit = replace(outfit, warnings=(*outfit.warnings, *surface_warnings(outfit, welded)))
-    return Dressed(alignment, outfit, welded, split_corners(outfit, welded), motions)
+    cloth = held_cloth(welded.vertices, edges(welded.triangles), alignment.body, alignment.betas)
+    return Dressed(alignment, outfit, welded, split_corners(outfit, welded), cloth, motions)
 
 
 def _bodies(path: Path | None, gender: str) -> Mapping[str, BodyModel] | Callable[[str], BodyModel]:
@@ -181,12 +182,11 @@ def infer(
     vertices, triangles = dressed.welded.vertices, dressed.welded.triangles
     body, betas = dressed.alignment.body, dressed.alignment.betas
     joined = edges(triangles)
-    cloth = held_cloth(vertices, joined, body, betas)
     normals = vertex_normals(vertices, triangles)
     rig = deepsd.infer(
-        bundle, vertices, normals, triangles, joined, body.joints(betas), cloth, fabric, progress=progress
+        bundle, vertices, normals, triangles, joined, body.joints(betas), dressed.cloth, fabric, progress=progress
     )
-    return hold_beneath(rig, cloth, body, betas)
+    return hold_beneath(rig, dressed.cloth, body, betas)
 
 
 class _Clock:

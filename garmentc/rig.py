@@ -99,6 +99,12 @@ class KeyNetwork:
     def output_size(self) -> int:
         return len(self.layers[-1].bias)
 
+    @property
+    def driven(self) -> NDArray[np.bool_]:
+        """(M,) outputs that depend on the pose at all."""
+        last = self.layers[-1]
+        return np.asarray(last.weight.any(axis=1) | (last.bias != 0))
+
     def __call__(self, poses: NDArray[Any]) -> NDArray[Any]:
         """Keys (..., M) of poses (..., 24, 3), in the dtype of `poses`."""
         x = encode_pose(poses, self.encoding)
@@ -118,6 +124,7 @@ class Rig:
     blend_shapes   (M, N, 3) float32, metres
     keys           pose to M keys; None where M = 0
     blend_normals  (M, N, 3) float32 normal deltas, or None
+    animation_keys (T, M) keys in all frames of the animations, one animation after the other; None has those of `keys`
     """
 
     template: NDArray[Any]
@@ -127,6 +134,7 @@ class Rig:
     blend_shapes: NDArray[Any]
     keys: KeyNetwork | None
     blend_normals: NDArray[Any] | None = None
+    animation_keys: NDArray[np.float64] | None = None
 
     @property
     def vertex_count(self) -> int:
@@ -140,6 +148,11 @@ class Rig:
     def balanced(self) -> bool:
         """Whether the blend shapes sum to nothing, so that a common amount of all of them changes nothing."""
         return self.keys is not None and self.keys.layers[-1].activation == "nonnegative"
+
+    @property
+    def driven_keys(self) -> NDArray[np.bool_]:
+        """(M,) keys that depend on the pose at all; the others are left to animations."""
+        return np.zeros(self.morph_count, np.bool_) if self.keys is None else self.keys.driven
 
     def pose_keys(self, poses: NDArray[Any]) -> NDArray[Any]:
         """Keys (..., M) of poses (..., 24, 3)."""

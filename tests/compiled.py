@@ -88,7 +88,8 @@ class Compiled:
         """Where `rig` puts the file's vertices at frames of the motion, (T, S, 3), float64."""
         [motion] = self.dressed.motions
         assert motion.fps == FPS
-        return rig.posed(motion.poses[frames], motion.trans[frames])[:, self.corner_vertices]
+        keys = None if rig.animation_keys is None else rig.animation_keys[frames]
+        return rig.posed(motion.poses[frames], motion.trans[frames], keys)[:, self.corner_vertices]
 
 
 @cache

@@ -50,7 +50,7 @@ def test_the_root_moves_from_its_rest_position() -> None:
 
 def test_given_keys_are_written_instead_of_the_networks() -> None:
     keys = np.random.default_rng(0).random((30, 8))
-    weights = track(clip_tracks(Clip(make_motion(), keys), (make_rig(),), ROOT, 0), "weights", None)
+    weights = track(clip_tracks(Clip(make_motion(), (keys,)), (make_rig(),), ROOT, 0), "weights", None)
     np.testing.assert_array_equal(weights.values, keys.astype(np.float32))
 
 

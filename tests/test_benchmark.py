@@ -19,10 +19,12 @@ from garmentc.evaluation.evaluate import EvaluationOptions, body_frames, evaluat
 from garmentc.evaluation.open_arms import open_arms
 from garmentc.evaluation.posed_outfit import RigOutfit, read_outfit
 from garmentc.evaluation.table import markdown, table_row, to_json
+from garmentc.gltf.asset import Clip
 from garmentc.gltf.write import write_glb
 from garmentc.smpl.default_body import load_default_body
 from garmentc.smpl.motion import Motion
 from garmentc.smpl.pose_sampler import sample_poses
+from garmentc.smpl.rotations import axis_angle_to_matrix
 from garmentc.smpl.skeleton import JOINT_NAMES
 
 BODY = load_default_body("neutral")
@@ -130,3 +132,49 @@ def test_a_file_that_does_not_name_its_body_is_refused(tmp_path: Path, extras: d
     path = written(tmp_path, **extras)
     with pytest.raises(GarmentcError, match=words):
         benchmark([path], [save_motion(tmp_path)])
+
+
+def test_a_file_is_measured_along_its_own_animations(tmp_path: Path) -> None:
+    """Where their keys are the network's, as along the motion that was compiled in, wherever that walks."""
+    asset = replace(make_asset(parts=2), clips=(Clip(replace(MOTION, trans=np.full((6, 3), 2.0))),))
+    path = tmp_path / "gown.glb"
+    extras = {"body": "default neutral", "gender": "neutral", "betas": "", "fps:sampled": 30.0}
+    write_glb(replace(asset, extras=extras, options=replace(asset.options, key_tolerance=0)), path)
+    options = EvaluationOptions(step=2)
+    own, along = benchmark([path], [], options=options), benchmark([path], [save_motion(tmp_path)], options=options)
+    assert [row.method for row in own] == [row.method for row in along]
+    for one, other in zip(own, along, strict=True):
+        assert one.all.frames == other.all.frames == 3
+        for name in ("collision", "deep", "bared", "edge_mm", "bend"):
+            assert getattr(one.all, name) == pytest.approx(getattr(other.all, name), abs=1e-4)
+
+
+def test_an_animation_is_shown_with_its_own_keys(tmp_path: Path) -> None:
+    asset = make_asset(parts=2)
+    keys = np.random.default_rng(0).random((6, asset.rig.morph_count))
+    path = tmp_path / "gown.glb"
+    options = replace(asset.options, key_tolerance=0)
+    write_glb(replace(asset, clips=(Clip(MOTION, (keys,)),), options=options), path)
+    outfit = read_outfit(path)
+    pose, vertices = outfit.animated(0, 4 / 30)
+    np.testing.assert_allclose(axis_angle_to_matrix(pose), axis_angle_to_matrix(MOTION.poses[4]), atol=1e-6)
+    lowest = [np.linalg.norm(vertices[:, None] - posed, axis=-1).min(axis=0).max() for posed in (
+        asset.rig.posed(MOTION.poses[4], keys=keys[4]), asset.rig.posed(MOTION.poses[4]),
+    )]  # fmt: skip
+    assert lowest[0] < 1e-5 < 1e-3 < lowest[1]
+
+
+def test_what_has_no_animation_needs_a_motion(tmp_path: Path) -> None:
+    path = tmp_path / "gown.glb"
+    extras = {"body": "default neutral", "gender": "neutral", "betas": ""}
+    write_glb(replace(make_asset(parts=2), clips=(), extras=extras), path)
+    with pytest.raises(GarmentcError, match="--motion"):
+        benchmark([path], [])
+
+
+def test_arms_are_not_opened_in_an_animation(tmp_path: Path) -> None:
+    path = tmp_path / "gown.glb"
+    extras = {"body": "default neutral", "gender": "neutral", "betas": ""}
+    write_glb(replace(make_asset(parts=2), clips=(Clip(MOTION),), extras=extras), path)
+    with pytest.raises(GarmentcError, match="--motion"):
+        benchmark([path], [], options=EvaluationOptions(arms_opened=10.0))

@@ -23,12 +23,13 @@ from garmentc.evaluation.metrics import depth_inside, signed_distance
 from garmentc.evaluation.outfit_scores import MethodScores, OutfitScores, sample_frames, score_outfit
 from garmentc.evaluation.representative import representatives
 from garmentc.families.bundle import DEFAULT_BUNDLE
+from garmentc.options import PROFILES
 from garmentc.outfit.topology import vertex_normals
 from garmentc.schema import check_schema
 from garmentc.simulation.dataset import Dataset
 from garmentc.simulation.plan import make_plan
 from garmentc.simulation.presets import PRESETS
-from garmentc.simulation.sequence import Sequence
+from garmentc.simulation.sequence import Sample, Sequence
 from garmentc.simulation.task_graph import run_plan
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.default_body import load_default_body
@@ -66,7 +67,7 @@ class Shifted(Method):
 
     def posed_template(self, sequence: Sequence, body: BodyModel, body_file: Path | None) -> PosedTemplate:
         rig = nearest_skinning(sequence.template, sequence.faces, body, sequence.betas)
-        return lambda pose: rig.posed(pose) + np.array([self.by / 1000, 0, 0])
+        return lambda sample: rig.posed(sample.pose.astype(float)) + np.array([self.by / 1000, 0, 0])
 
 
 def test_errors_are_those_put_in(sequence: Sequence) -> None:
@@ -116,11 +117,12 @@ def test_a_compiled_outfit_at_rest_is_the_template(sequence: Sequence, profile: 
     body = load_default_body(sequence.facts.gender)
     [method] = bundle_methods([None], [profile])
     rows = [method.posed_template(one, body, None) for one in (sequence, shuffled)]
-    rest = rows[1](np.zeros((24, 3)))
+    resting = replace(shuffled, poses=np.zeros_like(shuffled.poses))
+    rest = rows[1](Sample(resting, 0))
     assert np.linalg.norm(rest - shuffled.template, axis=1).max() <= tolerance
-    pose = sequence.poses[5].astype(np.float64)
-    np.testing.assert_allclose(rows[1](pose), rows[0](pose)[order], atol=2e-4)
-    assert np.linalg.norm(rows[0](pose) - (sequence.vertices[5] - sequence.trans[5]), axis=1).max() < 0.05
+    sample = Sample(sequence, 5)
+    np.testing.assert_allclose(rows[1](sample), rows[0](sample)[order], atol=2e-4)
+    assert np.linalg.norm(rows[0](sample) - (sequence.vertices[5] - sequence.trans[5]), axis=1).max() < 0.05
 
 
 def test_an_outfit_is_compiled_once_for_all_sequences_that_share_it(sequence: Sequence) -> None:
@@ -136,6 +138,33 @@ def test_an_outfit_is_compiled_once_for_all_sequences_that_share_it(sequence: Se
     result = score_outfit(named, [Counted("nearest")], frames=1)
     assert compiled == ["a", "c"], "another body is another fitting"
     assert [name for name, _ in result.frames] == ["a", "b", "c"]
+
+
+def test_an_animation_is_what_the_file_plays(sequence: Sequence) -> None:
+    """Where no targets are its own, as in profile mobile, the network's keys are baked."""
+    [alone] = bundle_methods([None], ["mobile"])
+    animated = alone.with_animations()
+    assert animated.name.endswith(", mobile, animated")
+    assert NEAREST_METHOD.with_animations() == NEAREST_METHOD
+    body, sample = load_default_body(sequence.facts.gender), Sample(sequence, 7)
+    played = animated.posed_template(sequence, body, None)(sample)
+    assert PROFILES["mobile"].animation_morphs == 0
+    posed = alone.posed_template(sequence, body, None)(sample)
+    # The passes know the motion in one of them, so that they fit another set of poses.
+    assert np.linalg.norm(played - posed, axis=1).mean() < 5e-3
+
+
+def test_an_outfit_is_compiled_anew_for_each_animation(sequence: Sequence) -> None:
+    compiled = []
+
+    class Counted(Method):
+        def posed_template(self, sequence: Sequence, body: BodyModel, body_file: Path | None) -> PosedTemplate:
+            compiled.append(sequence.facts.name)
+            return super().posed_template(sequence, body, body_file)
+
+    named = [replace(sequence, facts=replace(sequence.facts, name=name)) for name in ("a", "b")]
+    score_outfit(named, [Counted("nearest", animated=True)], frames=1)
+    assert compiled == ["a", "b"]
 
 
 def test_vertices_of_no_face_do_not_count(sequence: Sequence) -> None:
@@ -279,8 +308,8 @@ def test_a_bundle_that_is_told_the_fabric_moves_it_otherwise(sequence: Sequence)
     [alone] = bundle_methods([None], ["network"])
     told = alone.told_fabrics()
     assert told.name.endswith(", network, told the fabric")
-    body, pose = load_default_body(sequence.facts.gender), sequence.poses[-1].astype(np.float64)
-    apart = [method.posed_template(sequence, body, None)(pose) for method in (alone, told)]
+    body, last = load_default_body(sequence.facts.gender), Sample(sequence, len(sequence) - 1)
+    apart = [method.posed_template(sequence, body, None)(last) for method in (alone, told)]
     assert np.abs(apart[0] - apart[1]).max() > 1e-4
 
 
@@ -336,8 +365,8 @@ def test_the_word_nearest_measures_skinning_alone(run: CommandLine, dataset: Dat
     [
         (["a.glb", "--motion", "m.npz", "--frames", "3"], "--frames is for 'garmentc evaluate BUNDLE... --data DIR'"),
         (["nearest", "--data", "DATA", "--step", "3"], "--step is for 'garmentc evaluate ASSET.glb..."),
-        (["a.glb"], "give compiled files and --motion, or a dataset with --data"),
-        (["--motion", "m.npz"], "give compiled files and --motion, or a dataset with --data"),
+        ([], "give compiled files, or a dataset with --data"),
+        (["--motion", "m.npz"], "give compiled files, or a dataset with --data"),
         (["a.glb", "--motion", "m.npz", "--baseline", "bundle"], "--baseline takes a bundle with --data only"),
         (["--data", "missing"], "missing: is no dataset: it has no manifest.json"),
         (["nearest", "--data", "DATA", "--split", "exam"], "unknown split 'exam'; the splits are train, test"),

@@ -98,7 +98,7 @@ def textured(asset: Asset) -> Asset:
 def turned(asset: Asset) -> Asset:
     motion = make_motion()
     motion.poses[12, 16, 0] += 0.01
-    return replace(asset, clips=(Clip(motion, asset.rig.pose_keys(make_motion().poses)),))
+    return replace(asset, clips=(Clip(motion, (asset.rig.pose_keys(make_motion().poses),)),))
 
 
 def faster(asset: Asset) -> Asset:

@@ -13,9 +13,10 @@ GOLDEN = Path(__file__).parent / "golden"
 
 CASES = {
     "quantized": {"profile": "mobile"},
-    "float": {"profile": "desktop", "morphs": 4},
+    "float": {"profile": "desktop", "morphs": 4, "animation_morphs": 0},
 }
-"""Without the pose-key network, which is the bundle's and makes files large; its keys are in the animation."""
+"""Without the pose-key network, which is the bundle's and makes files large; its keys are in the animation.
+What settles there is left out: another processor's rounding decides at which frame cloth touches the skin."""
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -84,7 +84,7 @@ def test_candidates_find_what_a_search_of_all_the_skin_finds(gap: float, missed:
     skin = NearbySkin.of(rig, normals_of(rig), BODY, None, farthest_apart(POSES[:100], 20))
     unseen = POSES[100:]
     assert len(skin.body.faces) < len(BODY.faces) / 2
-    clearance, normals = skin.contacts(posed_outfit(rig, unseen), unseen)
+    clearance, normals = skin.contacts(posed_outfit(rig, unseen), skin.planes(unseen))
     searched = search(rig, unseen)
     contact, true = normals.any(axis=0), searched < FAR
     assert (contact != true).mean() < missed * true.mean()
@@ -123,7 +123,8 @@ def test_a_raised_thigh_is_left_by_its_front() -> None:
     rig = skirt()
     poses = np.zeros((3, 24, 3))
     poses[:, JOINT_NAMES.index("left_hip"), 0] = -np.radians([15, 20, 25])
-    normals = NearbySkin.of(rig, normals_of(rig), BODY, None, poses).contacts(posed_outfit(rig, poses), poses)[1]
+    skin = NearbySkin.of(rig, normals_of(rig), BODY, None, poses)
+    normals = skin.contacts(posed_outfit(rig, poses), skin.planes(poses))[1]
     ahead = axis_angle_to_matrix(poses[:, JOINT_NAMES.index("left_hip")])[:, :, 2]  # where the thigh's front looks
     skins = [signed_distance(rig.posed(pose), BODY.posed(pose), BODY.faces) for pose in poses]
     deep = (np.stack(skins, axis=1) < -DEPTH) & (normals_of(rig)[:, 2] > 0.7)[:, None]
@@ -136,8 +137,8 @@ def test_normals_are_how_clearance_changes() -> None:
     skin = NearbySkin.of(rig, normals_of(rig), BODY, None, POSES[:4])
     step = np.array([3e-4, -2e-4, 1e-4])
     before, moved = (posed_outfit(cloth, POSES[:4]) for cloth in (rig, moved_by(rig, step)))
-    clearance, normals = skin.contacts(before, POSES[:4])
-    after, after_normals = skin.contacts(moved, POSES[:4])
+    clearance, normals = skin.contacts(before, skin.planes(POSES[:4]))
+    after, after_normals = skin.contacts(moved, skin.planes(POSES[:4]))
     same = (normals == after_normals).all(axis=0) & normals.any(axis=0)  # the same triangle is nearest
     assert same.mean() > 0.2
     np.testing.assert_allclose(np.linalg.norm(normals[:, same], axis=0), 1, atol=1e-5)

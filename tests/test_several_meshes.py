@@ -108,7 +108,7 @@ def test_diff_sees_every_mesh(tmp_path: Path) -> None:
 
 def test_each_mesh_has_its_own_weights_track(tmp_path: Path) -> None:
     keys = np.random.default_rng(0).random((30, 8))
-    write_glb(replace(together(), clips=(Clip(make_motion(), keys),)), tmp_path / "a.glb")
+    write_glb(replace(together(), clips=(Clip(make_motion(), (keys,)),)), tmp_path / "a.glb")
     glb = read_glb(tmp_path / "a.glb")
     gown, slip, _ = glb.mesh_nodes
     state = state_at_time(glb, 12 / 30)

@@ -13,6 +13,7 @@ from garmentc.cli import main
 from garmentc.cli.exit_codes import EXIT_CLEAN, EXIT_FAILURE
 from garmentc.families.bundle import load_bundle
 from garmentc.simulation.dataset import Dataset
+from garmentc.simulation.sequence import Sample
 from garmentc.smpl.default_body import load_default_body
 
 pytest.importorskip("torch")
@@ -116,7 +117,7 @@ def test_a_run_is_a_method_of_the_evaluation(dataset: Dataset, run: Path) -> Non
 
     sequence = next(dataset.sequences("train"))
     body = load_default_body(sequence.facts.gender)
-    posed = run_method(run).posed_template(sequence, body, None)(sequence.poses[3])
+    posed = run_method(run).posed_template(sequence, body, None)(Sample(sequence, 3))
     bundle = load_bundle(run / "bundle")
     template, faces = sequence.template, sequence.faces
     joints = body.joints(sequence.betas.astype(np.float64))

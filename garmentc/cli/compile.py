@@ -42,6 +42,12 @@ def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
 @_choice("--profile", choices.ProfileName, "Named settings of the passes.")
 @click.option("--influences", type=click.Choice([4, 8]), help="Joints that may pull one vertex.")
 @click.option("--morphs", type=click.IntRange(min=0), metavar="N", help="Number of morph targets to keep.")
+@click.option(
+    "--animation-morphs",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Morph targets more, at most, that let the cloth of the animations settle.",
+)
 @click.option("--morph-tolerance", type=Length(), metavar="0.5mm", help="Keep as few morphs as hold this error.")
 @click.option("--quantize/--no-quantize", default=None, help="Integer instead of float vertex attributes.")
 @_choice("--sparse", choices.Sparse, "Sparse morph targets where they are smaller.")

@@ -18,7 +18,18 @@ if TYPE_CHECKING:
 NEAREST, NONE = "nearest", "none"
 
 _ALONG_MOTIONS = ("motions", "step", "open_arms", "gender")
-_ON_A_DATASET = ("split", "profiles", "frames", "tell_fabric", "outfits", "workers", "output", "markdown", "picture")
+_ON_A_DATASET = (
+    "split",
+    "profiles",
+    "frames",
+    "tell_fabric",
+    "animate",
+    "outfits",
+    "workers",
+    "output",
+    "markdown",
+    "picture",
+)
 """Options of one of the two ways only; without a default, so that those given are known."""
 
 
@@ -34,7 +45,13 @@ _ON_A_DATASET = ("split", "profiles", "frames", "tell_fabric", "outfits", "worke
 @click.option("--body", "bodies", type=PATH, multiple=True, metavar="FILE", help="Body model, where not a default one.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of Markdown.")
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
-@click.option("--motion", "motions", type=PATH, multiple=True, help="Of a .glb: motion file; repeatable.")
+@click.option(
+    "--motion",
+    "motions",
+    type=PATH,
+    multiple=True,
+    help="Of a .glb: motion file; repeatable.  [default: its animations]",
+)
 @click.option("--step", type=click.IntRange(min=1), help="Of a .glb: measure every n-th frame.  [default: 10]")
 @click.option(
     "--open-arms",
@@ -56,6 +73,7 @@ _ON_A_DATASET = ("split", "profiles", "frames", "tell_fabric", "outfits", "worke
     "--frames", type=click.IntRange(min=1), metavar="N", help="Frames of each sequence.  [default: all good ones]"
 )
 @click.option("--tell-fabric", is_flag=True, help="Compile the outfits with their --fabric.")
+@click.option("--animate", is_flag=True, help="Compile each sequence's motion too, and measure the animation.")
 @click.option("--outfits", type=click.IntRange(min=1), metavar="N", help="Only the first N outfits.")
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Processes.  [default: 1]")
 @click.option("-o", "--output", type=PATH, metavar="RESULTS.json", help="Also write everything as JSON.")
@@ -65,7 +83,8 @@ def command(inputs: tuple[Path, ...], data: Path | None, **options: Any) -> None
     """Measure compiled outfits along motions, or model bundles on a dataset. Prints Markdown tables.
 
     \b
-    ASSET.glb... --motion FILE   vertices inside the body, bared skin, stretched edges, bend
+    ASSET.glb...                 vertices inside the body, bared skin, stretched edges, bend, along
+                                 the file's own animations, or each --motion
     BUNDLE... --data DIR         each of the dataset's outfits compiled, and compared with its simulation too;
                                  the bundle that comes with garmentc where none is named;
                                  the folder of a training run stands for its network before all passes
@@ -75,7 +94,7 @@ def command(inputs: tuple[Path, ...], data: Path | None, **options: Any) -> None
     foreign = _ON_A_DATASET if data is None else _ALONG_MOTIONS
     for parameter in command.params:
         if parameter.name in foreign and options[parameter.name]:
-            needed = "BUNDLE... --data DIR" if data is None else "ASSET.glb... --motion FILE, without --data"
+            needed = "BUNDLE... --data DIR" if data is None else "ASSET.glb..., without --data"
             raise click.UsageError(f"{parameter.opts[-1]} is for 'garmentc evaluate {needed}'")
     if data is None:
         _along_motions(inputs, **{key: value for key, value in options.items() if key not in _ON_A_DATASET})
@@ -98,8 +117,8 @@ def _along_motions(
     from garmentc.evaluation.evaluate import EvaluationOptions
     from garmentc.evaluation.table import markdown, to_json
 
-    if not glbs or not motions:
-        raise click.UsageError("give compiled files and --motion, or a dataset with --data")
+    if not glbs:
+        raise click.UsageError("give compiled files, or a dataset with --data")
     if baseline not in (NEAREST, NONE):
         raise click.UsageError("--baseline takes a bundle with --data only; choose nearest or none")
     if len(bodies) > 1:
@@ -121,6 +140,7 @@ def _on_a_dataset(
     profiles: tuple[Any, ...],
     frames: int | None,
     tell_fabric: bool,
+    animate: bool,
     outfits: int | None,
     workers: int | None,
     output: Path | None,
@@ -150,6 +170,8 @@ def _on_a_dataset(
     methods = tuple(method for folder in own for method in named[folder] if method not in beside)
     if tell_fabric:
         methods = tuple(method.told_fabrics() for method in methods)
+    if animate:
+        methods, beside = (tuple(method.with_animations() for method in some) for some in (methods, beside))
     if baseline != NONE or not methods:
         methods = (NEAREST_METHOD, *methods)
     split = split or "test"

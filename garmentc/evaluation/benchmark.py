@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from garmentc.errors import GarmentcError
 from garmentc.evaluation.baselines import nearest_skinning
-from garmentc.evaluation.evaluate import BodyFrames, EvaluationOptions, body_frames, evaluate
-from garmentc.evaluation.posed_outfit import GlbOutfit, PosedOutfit, RigOutfit, read_outfit
+from garmentc.evaluation.evaluate import BodyFrames, EvaluationOptions, body_frames, evaluate, posed_frames
+from garmentc.evaluation.posed_outfit import GlbOutfit, RigOutfit, read_outfit
 from garmentc.evaluation.table import Row, table_row
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.load import load_body
@@ -21,6 +21,9 @@ from garmentc.smpl.read_motion import read_motion
 Baseline = Literal["nearest"]
 
 COMPILED = "compiled"
+
+_FPS = 30.0
+"""Frames a second of an animation, where the file does not say."""
 
 
 def benchmark(
@@ -34,30 +37,57 @@ def benchmark(
 ) -> list[Row]:
     """Evaluate compiled .glb files, and for each the baselines made from its own rest pose.
 
+    motions       files; where there are none, each outfit is measured along its own animations
     body, gender  of the body inside; by default what the compiler wrote into each file
     progress      called with each file's name as its turn comes
     Raises GarmentcError where a file cannot be read, or does not say for which body it was made.
     """
     options = options or EvaluationOptions()
-    if not motions:
-        raise GarmentcError("no motion is given; add one with --motion")
     stages: dict[object, list[BodyFrames]] = {}
     rows = []
     for path in outfits:
         progress(path.name)
         outfit = read_outfit(path)
         inside, betas = worn_by(outfit, path, body, gender)
-        key = (inside.name, inside.gender, None if betas is None else tuple(betas))
-        if key not in stages:
-            joints = inside.joints(betas)
-            stages[key] = [body_frames(inside, betas, read_motion(m, joints=joints), options) for m in motions]
-        candidates: list[tuple[str, PosedOutfit]] = []
+        moved: list[Sequence[NDArray[Any]] | None] = [None] * len(motions)
+        if motions:
+            key = (inside.name, inside.gender, None if betas is None else tuple(betas))
+            if key not in stages:
+                joints = inside.joints(betas)
+                stages[key] = [body_frames(inside, betas, read_motion(m, joints=joints), options) for m in motions]
+            stage = stages[key]
+        else:
+            stage, moved = animation_frames(outfit, path, inside, betas, options)
         if "nearest" in baselines:
-            candidates.append(("nearest", RigOutfit(nearest_skinning(outfit.rest, outfit.triangles, inside, betas))))
-        candidates.append((COMPILED, outfit))
-        for method, candidate in candidates:
-            rows.append(table_row(path.stem, method, [evaluate(candidate, inside, frames) for frames in stages[key]]))
+            nearest = RigOutfit(nearest_skinning(outfit.rest, outfit.triangles, inside, betas))
+            rows.append(table_row(path.stem, "nearest", [evaluate(nearest, inside, frames) for frames in stage]))
+        scores = [evaluate(outfit, inside, *each) for each in zip(stage, moved, strict=True)]
+        rows.append(table_row(path.stem, COMPILED, scores))
     return rows
+
+
+def animation_frames(
+    outfit: GlbOutfit, path: Path, body: BodyModel, betas: NDArray[Any] | None, options: EvaluationOptions
+) -> tuple[list[BodyFrames], list[Sequence[NDArray[Any]] | None]]:
+    """The body in every `step`-th frame of the file's animations, and the outfit's vertices (N, 3) there.
+
+    Raises GarmentcError where there are no animations, or where arms should be opened: then cloth would not fit.
+    """
+    if not outfit.asset.animations:
+        raise GarmentcError("has no animation; give --motion, or compile it with one", path)
+    if options.arms_opened:
+        raise GarmentcError("arms are opened along motions alone, not in a file's own animations; give --motion")
+    extras = outfit.asset.extras if isinstance(outfit.asset.extras, dict) else {}
+    frames: list[BodyFrames] = []
+    moved: list[Sequence[NDArray[Any]] | None] = []
+    for number, animation in enumerate(outfit.asset.animations):
+        fps = float(extras.get(f"fps:{animation.name}", _FPS))
+        end = max(float(channel.times[-1]) for channel in animation.channels)
+        times = np.arange(0, round(end * fps) + 1, options.step) / fps
+        poses, vertices = zip(*(outfit.animated(number, time) for time in times), strict=True)
+        frames.append(posed_frames(animation.name, body, betas, np.array(poses), options))
+        moved.append(vertices)
+    return frames, moved
 
 
 def worn_by(

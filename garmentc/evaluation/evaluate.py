@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -94,19 +94,27 @@ class Summary:
 def body_frames(body: BodyModel, betas: NDArray[Any] | None, motion: Motion, options: EvaluationOptions) -> BodyFrames:
     """Pose the body along `motion`, with pose correctives, and find the clean frames."""
     poses = open_arms(motion.poses[:: options.step], options.arms_opened)
+    return posed_frames(motion.name, body, betas, poses, options)
+
+
+def posed_frames(
+    name: str, body: BodyModel, betas: NDArray[Any] | None, poses: NDArray[Any], options: EvaluationOptions
+) -> BodyFrames:
+    """The same of `poses` (T, 24, 3) as they are."""
     vertices = body.posed(poses, betas)
     clean = touching_share(body, betas, vertices, options.clean.margin) <= options.clean.allowed
-    return BodyFrames(motion.name, body.shaped(betas), poses, vertices, clean)
+    return BodyFrames(name, body.shaped(betas), poses, vertices, clean)
 
 
-def evaluate(outfit: PosedOutfit, body: BodyModel, frames: BodyFrames) -> FrameScores:
-    """Measure `outfit` against the posed body in every frame."""
+def evaluate(
+    outfit: PosedOutfit, body: BodyModel, frames: BodyFrames, moved: Iterable[NDArray[Any]] | None = None
+) -> FrameScores:
+    """Measure `outfit` against the posed body in every frame; `moved` are its vertices (N, 3) there, if known."""
     pairs = edges(outfit.triangles)
     rest_lengths = edge_lengths(outfit.rest, pairs)
     covered = CoveredSkin.of(outfit.rest, outfit.triangles, frames.rest, body.faces)
     rows = []
-    for pose, skin in zip(frames.poses, frames.vertices, strict=True):
-        vertices = outfit.posed(pose)
+    for vertices, skin in zip(moved or map(outfit.posed, frames.poses), frames.vertices, strict=True):
         distance = signed_distance(vertices, skin, body.faces)
         rows.append(
             (

@@ -73,7 +73,7 @@ def _row(evaluation: DatasetEvaluation, shown: Representative, dataset: Dataset,
     body, body_file = body_of(sequence.facts, bodies)
     pose = sample.pose.astype(np.float64)
     target = simulated(sample)
-    predicted = shown_method(evaluation).posed_template(sequence, body, body_file)(pose)
+    predicted = shown_method(evaluation).posed_template(sequence, body, body_file)(sample)
     skin = body.posed(pose, sequence.betas)
     error = MILLIMETRES * np.linalg.norm(predicted - target, axis=1)
     cloth = garment_colors(sequence)

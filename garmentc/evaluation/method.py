@@ -18,6 +18,7 @@ from garmentc.families.bundle import DEFAULT_BUNDLE, MANIFEST, load_bundle
 from garmentc.mesh_file import write_mesh
 from garmentc.options import CompileOptions, ProfileName
 from garmentc.pipeline import compile_outfit, dress, infer, read_inputs
+from garmentc.simulation.sequence import Sample
 from garmentc.simulation.sequence import Sequence as OutfitSequence
 from garmentc.smpl.body import BodyModel
 
@@ -32,8 +33,8 @@ SIMULATION = "simulation"
 MATCH = 2e-4
 """Metres that a vertex of a compiled file may be away from the template's at rest: quantization moves it by less."""
 
-PosedTemplate = Callable[[NDArray[Any]], NDArray[np.float64]]
-"""A pose (24, 3) to the template's vertices (N, 3) in it, metres, the pelvis where it is at rest."""
+PosedTemplate = Callable[[Sample], NDArray[np.float64]]
+"""A frame of a sequence to the template's vertices (N, 3) in it, metres, the pelvis where it is at rest."""
 
 
 @dataclass(frozen=True)
@@ -44,16 +45,24 @@ class Method:
     bundle   folder of a model bundle; None for NEAREST
     profile  that its files are compiled with; None for NEAREST
     told     whether the bundle is told the fabric that an outfit is made of
+    animated whether outfits are compiled with the motion of each sequence, and measured along that animation
     """
 
     name: str
     bundle: Path | None = None
     profile: MeasuredProfile | None = None
     told: bool = False
+    animated: bool = False
 
     def told_fabrics(self) -> Method:
         """The same with that knowledge."""
         return replace(self, name=f"{self.name}, told the fabric", told=True)
+
+    def with_animations(self) -> Method:
+        """The same along animations, where its files have any."""
+        if self.profile in (None, "network"):
+            return self
+        return replace(self, name=f"{self.name}, animated", animated=True)
 
     def posed_template(self, sequence: OutfitSequence, body: BodyModel, body_file: Path | None) -> PosedTemplate:
         """The outfit of `sequence`, moved.
@@ -62,7 +71,8 @@ class Method:
         Raises GarmentcError where the outfit cannot be compiled.
         """
         if self.bundle is None or self.profile is None:
-            return nearest_skinning(sequence.template, sequence.faces, body, sequence.betas).posed
+            rig = nearest_skinning(sequence.template, sequence.faces, body, sequence.betas)
+            return lambda sample: rig.posed(_pose(sample))
         with TemporaryDirectory(prefix="garmentc-") as folder:
             source = Path(folder) / "outfit.obj"
             write_mesh(source, sequence.template, sequence.faces)
@@ -81,6 +91,8 @@ class Method:
             try:
                 if self.profile == "network":
                     return _network_alone(source, known)
+                if self.animated:
+                    return _animated(source, known, self.profile, sequence)
                 return _compiled(source, known, self.profile, sequence.template)
             except GarmentcError as error:
                 if error.file is not None and Path(error.file).parent == Path(folder):  # a file that nobody can look at
@@ -140,7 +152,21 @@ def _compiled(source: Path, known: CompileOptions, profile: ProfileName, templat
     compile_outfit(source, glb, known, profile=profile)
     outfit = read_outfit(glb)
     vertex = _same_places(outfit.rest, template)
-    return lambda pose: outfit.posed(pose)[vertex]
+    return lambda sample: outfit.posed(_pose(sample))[vertex]
+
+
+def _animated(source: Path, known: CompileOptions, profile: ProfileName, sequence: OutfitSequence) -> PosedTemplate:
+    """The outfit compiled with the motion of `sequence`, and that animation as an engine plays it."""
+    glb, motion, fps = source.with_suffix(".glb"), source.with_suffix(".npz"), sequence.facts.fps
+    np.savez(motion, poses=sequence.poses.reshape(len(sequence.poses), -1), trans=sequence.trans, fps=fps)
+    compile_outfit(source, glb, known, profile=profile, motion=(motion,), motion_up="y")
+    outfit = read_outfit(glb)
+    vertex = _same_places(outfit.rest, sequence.template)
+    return lambda sample: outfit.animated(0, sample.frame / fps)[1][vertex]
+
+
+def _pose(sample: Sample) -> NDArray[np.float64]:
+    return sample.pose.astype(np.float64)
 
 
 def _same_places(rest: NDArray[np.float64], template: NDArray[Any]) -> NDArray[np.intp]:
@@ -161,4 +187,4 @@ def _network_alone(source: Path, known: CompileOptions) -> PosedTemplate:
     dressed = dress(inputs, known)
     rig = infer(inputs.bundle, dressed, known.fabric)
     vertex = dressed.welded.vertex_of
-    return lambda pose: rig.posed(pose)[vertex]
+    return lambda sample: rig.posed(_pose(sample))[vertex]

@@ -147,6 +147,7 @@ class _Fitting:
     moved     by the name of each method
     pairs     (E, 2) edges, with their lengths (E,) in the template
     garments  vertices of each garment
+    animated  whether what is moved are animations of this sequence
     """
 
     sequence: OutfitSequence
@@ -155,6 +156,7 @@ class _Fitting:
     pairs: NDArray[np.int32]
     lengths: NDArray[np.float64]
     garments: tuple[NDArray[np.int32], ...]
+    animated: bool
 
     @staticmethod
     def of(sequence: OutfitSequence, methods: Sequence[Method], bodies: Sequence[Path]) -> _Fitting:
@@ -163,10 +165,13 @@ class _Fitting:
         pairs = edges(sequence.faces)
         parts = (sequence.faces[sequence.triangle_part == part] for part in range(len(sequence.facts.parts)))
         garments = tuple(np.unique(part) for part in parts)
-        return _Fitting(sequence, body, moved, pairs, edge_lengths(sequence.template, pairs), garments)
+        animated = any(method.animated for method in methods)
+        return _Fitting(sequence, body, moved, pairs, edge_lengths(sequence.template, pairs), garments, animated)
 
     def fits(self, other: OutfitSequence) -> bool:
-        """Whether `other` is the same outfit on the same body."""
+        """Whether `other` is the same outfit on the same body, and the same serves to measure it."""
+        if self.animated:
+            return False
         same = (self.sequence.facts.body, self.sequence.facts.gender) == (other.facts.body, other.facts.gender)
         names = ("template", "faces", "triangle_part", "betas")
         return same and all(np.array_equal(getattr(self.sequence, name), getattr(other, name)) for name in names)
@@ -187,8 +192,8 @@ def _score_sequence(sequence: OutfitSequence, fitting: _Fitting, count: int | No
 
 def _score_frame(sample: Sample, skin: NDArray[Any], fitting: _Fitting) -> dict[str, tuple[Any, ...]]:
     """By method the metrics of one frame, in the order of MethodScores."""
-    target, pose = simulated(sample), sample.pose.astype(np.float64)
-    cloths = {SIMULATION: target, **{name: posed(pose) for name, posed in fitting.moved.items()}}
+    target = simulated(sample)
+    cloths = {SIMULATION: target, **{name: posed(sample) for name, posed in fitting.moved.items()}}
     # All methods in one query: the tree over the body is made once.
     depths = np.split(depth_inside(np.concatenate(list(cloths.values())), skin, fitting.body.faces), len(cloths))
     rows = {}

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from garmentc.errors import GarmentcError
 from garmentc.gltf.evaluate import world_mesh
 from garmentc.gltf.glb_asset import GlbAsset
-from garmentc.gltf.posing import placement, state_at_pose
+from garmentc.gltf.posing import placement, smpl_joints, state_at_pose, state_at_time
 from garmentc.gltf.read import read_glb
 from garmentc.gltf.state import State, rest_state
 from garmentc.rig import Rig
+from garmentc.smpl.rotations import quaternion_to_axis_angle
 
 
 class PosedOutfit(Protocol):
@@ -51,7 +52,8 @@ class RigOutfit:
 
 @dataclass(frozen=True)
 class GlbOutfit:
-    """The outfits of a .glb together, morphed by their own pose-key networks and skinned from their own attributes.
+    """The outfits of a .glb together, skinned from their own attributes, and morphed by their own pose-key networks or
+    as its animations say.
 
     corner   (N,) the first written vertex of each place: seams split vertices, and a seam must not count twice
     to_body  (4, 4) from the scene to the body's axes and origin
@@ -64,7 +66,16 @@ class GlbOutfit:
     to_body: NDArray[Any]
 
     def posed(self, pose: NDArray[Any]) -> NDArray[np.float64]:
-        return _outfit_mesh(self.asset, state_at_pose(self.asset, pose), self.to_body)[0][self.corner]
+        return self._vertices(state_at_pose(self.asset, pose))
+
+    def animated(self, animation: int, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The pose (24, 3) at a time of an animation, and the vertices (N, 3), the pelvis where it is at rest."""
+        state, joints = state_at_time(self.asset, seconds, animation), smpl_joints(self.asset)
+        state.translation[joints[0]] = rest_state(self.asset).translation[joints[0]]
+        return quaternion_to_axis_angle(state.rotation[joints]), self._vertices(state)
+
+    def _vertices(self, state: State) -> NDArray[np.float64]:
+        return _outfit_mesh(self.asset, state, self.to_body)[0][self.corner]
 
 
 def read_outfit(path: Path) -> GlbOutfit:

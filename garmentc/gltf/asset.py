@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 import garmentc
@@ -45,11 +46,11 @@ class GltfOptions:
 class Clip:
     """A motion and the morph weights along it.
 
-    keys  (T, M) of the asset's own rig; None evaluates its pose-key network, as it is for the meshes beside it
+    keys  (T, M) of each of the asset's meshes; where there are none, its pose-key network is evaluated
     """
 
     motion: Motion
-    keys: NDArray[Any] | None = None
+    keys: tuple[NDArray[Any] | None, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -72,10 +73,13 @@ class RiggedMesh:
 
     @property
     def target_names(self) -> tuple[str, ...]:
-        """One name for each morph target."""
+        """One name for each morph target: those of poses and those that only animations use are numbered apart."""
         if self.morph_names is not None:
             return self.morph_names
-        return tuple(f"pose_key_{index:03d}" for index in range(self.rig.morph_count))
+        count = self.rig.morph_count
+        driven = np.ones(count, np.bool_) if self.rig.animation_keys is None else self.rig.driven_keys
+        number = np.where(driven, np.cumsum(driven), np.cumsum(~driven)) - 1
+        return tuple(f"{'pose_key' if d else 'animation'}_{n:03d}" for d, n in zip(driven, number, strict=True))
 
 
 @dataclass(frozen=True)

@@ -71,9 +71,8 @@ def clip_tracks(clip: Clip, rigs: Sequence[Rig], root: NDArray[Any], tolerance: 
 def clip_keys(clip: Clip, rigs: Sequence[Rig]) -> tuple[NDArray[Any], ...]:
     """Morph weights (T, M) of each rig along a clip."""
     poses = clip.motion.poses.astype(np.float64)
-    return tuple(
-        rig.pose_keys(poses) if clip.keys is None or mesh else np.asarray(clip.keys) for mesh, rig in enumerate(rigs)
-    )
+    given = [*clip.keys, *(None for _ in rigs[len(clip.keys) :])]
+    return tuple(rig.pose_keys(poses) if keys is None else keys for rig, keys in zip(rigs, given, strict=True))
 
 
 def _own(keys: NDArray[Any]) -> NDArray[Any]:

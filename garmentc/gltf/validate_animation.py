@@ -43,7 +43,11 @@ def _quaternions(channel: Channel, where: str) -> Iterator[Finding]:
 
 
 def _baked_keys(asset: GlbAsset, animation: int, channel: Channel, where: str) -> Iterator[Finding]:
-    """Morph weights of an animation are the network's, or the garment moves differently with and without it."""
+    """Morph weights of an animation are the network's, or the garment moves differently with and without it.
+
+    Targets that the network leaves alone are the animation's own. What all weights have in common, and they change that
+    where weights are nonnegative, is not compared.
+    """
     network = pose_key_network(asset, channel.node)
     if network is None or len(network.layers[-1].bias) != channel.values.shape[1]:
         return
@@ -57,7 +61,11 @@ def _baked_keys(asset: GlbAsset, animation: int, channel: Channel, where: str) -
             return  # the network itself has a finding
         times.append(time)
         apart.append(keys - state.weights[channel.node])
-    moved = moved_at_most(asset, channel.node, np.array(apart))
+    last, difference = network.layers[-1], np.array(apart)
+    driven = last.weight.any(axis=1) | (last.bias != 0)
+    if driven.any():
+        difference[:, ~driven] = np.median(difference[:, driven], axis=1, keepdims=True)
+    moved = moved_at_most(asset, channel.node, difference)
     worst = int(moved.argmax())
     if moved[worst] > _KEY_TOLERANCE:
         message = (

@@ -53,6 +53,11 @@ class Planes:
         normals /= np.maximum(np.sqrt(np.einsum("ifp,ifp->fp", normals, normals)), np.finfo(np.float32).tiny)
         return cls((a + b + c) / np.float32(3), normals)
 
+    def pose(self, number: int) -> Planes:
+        """Those in one of the poses."""
+        one = slice(number, number + 1)
+        return Planes(np.ascontiguousarray(self.centers[..., one]), np.ascontiguousarray(self.normals[..., one]))
+
     def nearest(
         self, points: NDArray[np.float32], reach: float, marks: tuple[NDArray[Any], NDArray[Any]] | None = None
     ) -> NDArray[np.intp]:

@@ -47,6 +47,10 @@ class FollowSkin:
     smoothing: int = 10
 
 
+CLINGING = FollowSkin(tight=0.005, saved=np.inf)
+"""Only what lies on the skin follows it."""
+
+
 def follow_skin(
     rig: Rig, options: FollowSkin, poses: PoseSet, body: BodyModel, betas: NDArray[Any] | None = None
 ) -> tuple[Rig, PassReport]:

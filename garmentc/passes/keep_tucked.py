@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.families.held_cloth import garments_of, held_cloth
-from garmentc.outfit.topology import edges
 from garmentc.passes.limit_influences import largest_weights
 from garmentc.passes.pose_set import PoseSet
 from garmentc.passes.posed_error import posed_error
@@ -34,17 +32,18 @@ class KeepTucked:
 
 
 def keep_tucked(
-    rig: Rig, options: KeepTucked, poses: PoseSet, body: BodyModel, betas: NDArray[Any] | None = None
+    rig: Rig,
+    options: KeepTucked,
+    poses: PoseSet,
+    held: NDArray[np.bool_],
+    body: BodyModel,
+    betas: NDArray[Any] | None = None,
 ) -> tuple[Rig, PassReport]:
-    """Give vertices between the skin and a held garment the weights and blend shapes of the place that covers them.
+    """Give vertices between the skin and `held` cloth (N,) the weights and blend shapes of the place that covers them.
 
     A shirt's tails in a skirt or in trousers are seen only where they come through, and neither networks nor the passes
     before this one know of layers. With the movement of what covers them they stay beneath it.
     """
-    joined = edges(rig.triangles)
-    if len(garments_of(joined, rig.vertex_count)) < 2:
-        return rig, PassReport("keep tucked", "a single garment")
-    held = held_cloth(rig.template, joined, body, betas).held > 0
     rows, triangles, barycentric, share = _tucked(rig, held, options.reach, body.shaped(betas), body.faces)
     if not len(rows):
         return rig, PassReport("keep tucked", "nothing is tucked into held cloth")
@@ -52,7 +51,8 @@ def keep_tucked(
     covering = np.einsum("nk,nkj->nj", barycentric, rig.weights[triangles])
     mixed = share[:, None] * covering + (1 - share[:, None]) * rig.weights[rows]
     weights[rows] = largest_weights(mixed, options.influences)
-    moved = np.einsum("nk,mnki->mni", barycentric, rig.blend_shapes[:, triangles])
+    corners = zip(barycentric.T[:, :, None], triangles.T, strict=True)
+    moved = sum(amount * rig.blend_shapes[:, corner] for amount, corner in corners)
     shapes[:, rows] = share[:, None] * moved + (1 - share[:, None]) * rig.blend_shapes[:, rows]
     kept = replace(rig, weights=weights, blend_shapes=shapes, blend_normals=None)
     detail = f"{len(rows)} vertices move with the cloth that covers them; moved {posed_error(rig, kept, poses.check)}"

@@ -67,12 +67,15 @@ class NearbySkin:
         candidates = candidates.reshape(frequent.shape)
         return cls(part, betas, candidates, joined, covering.turned(frequent), covering.depths(frequent))
 
-    def contacts(self, outfit: PosedVertices, poses: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Clearances (n, P) of the outfit as it is in `poses` (P, 24, 3), metres, and the skin's normals (3, n, P).
+    def planes(self, poses: NDArray[Any]) -> Planes:
+        """Of the triangles that may be touched, in `poses` (P, 24, 3)."""
+        return Planes.of(posed_body(self.body, self.betas, poses), self.body.faces)
+
+    def contacts(self, outfit: PosedVertices, planes: Planes) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Clearances (n, P) of the outfit in the P poses of `planes`, metres, and the skin's normals (3, n, P).
 
         Both are 0 where there is no contact.
         """
-        planes = Planes.of(posed_body(self.body, self.betas, poses), self.body.faces)
         squared = np.full(outfit.vertices.shape[1:], _REACH**2, dtype=np.float32)
         chosen = np.full(squared.shape, _CANDIDATES, dtype=np.uint8)
         for column, rows in enumerate(self.candidates.T):

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.passes.body_contacts import Planes
 from garmentc.passes.bulging import Bulging
 from garmentc.passes.nearby_skin import NearbySkin
-from garmentc.passes.posed_skinning import PosedVertices, posed_outfit
+from garmentc.passes.posed_skinning import PosedVertices
 from garmentc.passes.springs import Springs
-from garmentc.rig import Rig
 
 _MOST_SHRUNK = 0.1
 """Share of a squared length that skinning leaves at least, as far as it is made up for: in cloth that it all but
@@ -34,11 +33,10 @@ class PosedCloth:
 
     @classmethod
     def of(
-        cls, rig: Rig, poses: NDArray[Any], skin: NearbySkin, wanted: NDArray[np.float32], bulging: Bulging
+        cls, posed: PosedVertices, skin: NearbySkin, planes: Planes, wanted: NDArray[np.float32], bulging: Bulging
     ) -> PosedCloth:
-        """The rig in `poses` (P, 24, 3), with `wanted` clearances (n,) from the skin beyond what that bulges out."""
-        posed = posed_outfit(rig, poses)
-        clearance, normals = skin.contacts(posed, poses)
+        """In the P poses of `planes`, with `wanted` clearances (n,) from the skin beyond what that bulges out."""
+        clearance, normals = skin.contacts(posed, planes)
         least = bulging.height(posed.vertices, normals)
         least += wanted[:, None]
         least -= clearance
@@ -48,27 +46,37 @@ class PosedCloth:
     def way(
         self, moved: NDArray[np.float32], springs: Springs, rounds: int, relaxation: float, momentum: float
     ) -> NDArray[np.float32]:
-        """How far cloth with the rest-space displacements `moved` goes in so many rounds, (3, n, P), in rest space too.
+        """How far cloth with the rest-space displacements `moved` settles, (3, n, P), in rest space too."""
+        start = self.posed.vertices + self.posed.turned(moved)
+        return self._at_rest(self.settled(start, springs, rounds, relaxation, momentum) - start)
 
-        A round goes towards unstretched springs, a share `relaxation` of the way that would be right for an edge alone,
-        and from there out to where it should be; it begins a share `momentum` of the last round's way ahead. No round
-        only goes out to where it should be.
+    def settled(
+        self,
+        start: NDArray[np.float32],
+        springs: Springs,
+        rounds: int,
+        relaxation: float | NDArray[np.float32],
+        momentum: float,
+    ) -> NDArray[np.float32]:
+        """Where vertices at `start` (3, n, P) come to in so many rounds.
+
+        A round goes towards unstretched springs, a share `relaxation` of the way that would be right for an edge alone
+        (one of all, or (n, 1)), and from there out to where it should be; it begins a share `momentum` of the last
+        round's way ahead. No round only goes out to where it should be.
         """
-        start = np.einsum("ijnp,jnp->inp", self.posed.turn, moved)
-        start += self.posed.vertices
         if not rounds:
-            return self._at_rest(self._way_out(start))
+            return start + self._way_out(start)
         before = now = start
         for _ in range(rounds):
             ahead = now - before
             ahead *= np.float32(momentum)
             ahead += now
             pull = springs.pull(ahead)
-            pull *= np.float32(relaxation)
+            pull *= np.asarray(relaxation, np.float32)
             ahead += pull
             ahead += self._way_out(ahead)
             before, now = now, ahead
-        return self._at_rest(now - start)
+        return now
 
     def _way_out(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
         """The step (3, n, P) of those of the vertices (3, n, P) that are too close to the skin."""
@@ -78,7 +86,10 @@ class PosedCloth:
         return way
 
     def _at_rest(self, way: NDArray[np.float32]) -> NDArray[np.float32]:
-        """What skinning makes `way` (3, n, P) of, nearly: it turns, and shrinks where joints' rotations are mixed."""
+        """What skinning makes `way` (3, n, P) of, nearly: it turns, and shrinks where joints' rotations are mixed.
+
+        The exact way, `PosedVertices.at_rest`, lets what is regressed on keys grow where skinning all but collapses.
+        """
         turn = self.posed.turn
         result: NDArray[np.float32] = np.einsum("ijnp,inp->jnp", turn, way)
         result /= np.maximum(np.einsum("ijnp,ijnp->np", turn, turn) / np.float32(3), np.float32(_MOST_SHRUNK))

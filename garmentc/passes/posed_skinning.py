@@ -16,6 +16,10 @@ from garmentc.smpl.skinning import joint_transforms
 
 _Floats = NDArray[np.float32]
 
+_DAMPING = 0.003
+"""Share of a squared length: where skinning leaves less, that is made up for in part only, for what it all but
+collapses to a point would have to move too far."""
+
 
 @dataclass(frozen=True)
 class PosedVertices:
@@ -27,6 +31,36 @@ class PosedVertices:
 
     vertices: NDArray[Any]
     turn: NDArray[Any]
+
+    def pose(self, number: int) -> PosedVertices:
+        """One of the poses."""
+        one = slice(number, number + 1)
+        return PosedVertices(np.ascontiguousarray(self.vertices[..., one]), np.ascontiguousarray(self.turn[..., one]))
+
+    def turned(self, moved: NDArray[Any]) -> NDArray[Any]:
+        """What skinning makes of displacements `moved` (3, n, P) of the rest vertices."""
+        result: NDArray[Any] = np.einsum("ijnp,jnp->inp", self.turn, moved)
+        return result
+
+    def at_rest(self, way: NDArray[Any]) -> NDArray[Any]:
+        """What skinning makes `way` (3, n, P) of: the inverse of `turned`, damped (Levenberg 1944).
+
+        Skinning turns, and shrinks where joints' rotations are mixed, in some directions more than in others.
+        """
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = np.einsum("kinp,kjnp->ijnp", self.turn, self.turn)
+        xx, yy, zz = xx + _DAMPING, yy + _DAMPING, zz + _DAMPING
+        # The inverse of that symmetric matrix: its cofactors over its determinant.
+        a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+        x, y, z = np.einsum("ijnp,inp->jnp", self.turn, way)
+        result: NDArray[Any] = np.stack(
+            [
+                a * x + b * y + c * z,
+                b * x + (xx * zz - xz * xz) * y + (xy * xz - xx * yz) * z,
+                c * x + (xy * xz - xx * yz) * y + (xx * yy - xy * xy) * z,
+            ]
+        )
+        result *= (1 + _DAMPING) / (xx * a + xy * b + xz * c)
+        return result
 
 
 def posed_outfit(rig: Rig, poses: NDArray[Any], dtype: type[np.floating[Any]] = np.float32) -> PosedVertices:

@@ -23,6 +23,7 @@ from garmentc.passes.pose_blocks import over_blocks
 from garmentc.passes.pose_set import PoseSet, farthest_apart
 from garmentc.passes.posed_cloth import PosedCloth
 from garmentc.passes.posed_error import posed_error
+from garmentc.passes.posed_skinning import posed_outfit
 from garmentc.passes.report import PassReport
 from garmentc.passes.springs import Springs
 from garmentc.rig import Rig
@@ -99,7 +100,11 @@ def resolve_collisions(
         pairs = anchors.joined(joined)
         springs = Springs.of(part.template, pairs)
         bulging = Bulging.of(rig.template, joined, anchors.rows, springs, options.bulge)
-        cloth = over_blocks(lambda block: PosedCloth.of(part, block, skin, wanted, bulging), fit, _POSES_AT_ONCE)
+
+        def in_poses(block: NDArray[Any]) -> PosedCloth:
+            return PosedCloth.of(posed_outfit(part, block), skin, skin.planes(block), wanted, bulging)
+
+        cloth = over_blocks(in_poses, fit, _POSES_AT_ONCE)
         regression = _Regression.on(keys, options.ridge)
         shapes = _settled(cloth, springs, regression, options)
         resolved = replace(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.evaluation.method import Method, PosedTemplate
+from garmentc.simulation.sequence import Sample
 from garmentc.simulation.sequence import Sequence as OutfitSequence
 from garmentc.smpl.body import BodyModel
 
@@ -35,8 +35,8 @@ class RunMethod(Method):
         sample = make_sample(facts.outfit, sequence.template, sequence.faces, PosableBody.of(body, sequence.betas))
         together = poser(network, sample, metadata=metadata)
 
-        def posed(pose: NDArray[Any]) -> NDArray[np.float64]:
-            vertices: NDArray[np.float64] = together(pose[None])[0].astype(np.float64)
+        def posed(frame: Sample) -> NDArray[np.float64]:
+            vertices: NDArray[np.float64] = together(frame.pose[None].astype(np.float64))[0].astype(np.float64)
             return vertices
 
         return posed

@@ -1,0 +1,207 @@
+"""Let the cloth of animations settle, frame after frame: what no key of a pose can say."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import repeat
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from garmentc.outfit.topology import edges
+from garmentc.passes.anchors import Anchors
+from garmentc.passes.blas import single_threaded_blas
+from garmentc.passes.body_contacts import CLEARANCE, wanted_clearance
+from garmentc.passes.bulging import Bulging
+from garmentc.passes.key_reach import key_reach
+from garmentc.passes.nearby_skin import NearbySkin
+from garmentc.passes.part_of_rig import take_vertices
+from garmentc.passes.pose_set import farthest_apart
+from garmentc.passes.posed_cloth import PosedCloth
+from garmentc.passes.posed_skinning import PosedVertices, posed_outfit
+from garmentc.passes.report import PassReport
+from garmentc.passes.springs import Springs
+from garmentc.resting_layer import with_silent_keys
+from garmentc.rig import Rig
+from garmentc.smpl.body import BodyModel
+from garmentc.smpl.motion import Motion
+
+_FRAMES_AT_ONCE = 64
+_FRAMES_COMPARED = 1024
+"""Frames that the shapes are chosen on: more tell nothing new."""
+
+_FIRST_SEARCHES = 4
+"""How often the skin is searched for contacts in an animation's first frame."""
+
+_VALUES_AT_ONCE = 2_000_000
+
+
+@dataclass(frozen=True)
+class SettleAnimations:
+    """How the cloth settles, and how much of it is kept.
+
+    shapes      blend shapes to add, at most
+    tolerance   metres: fewer where what is left out is this much, root mean square
+    clearance, bulge, searched, anchors, relaxation, momentum   as in `ResolveCollisions`
+    rounds      of settling in a second
+    first       rounds in the first frame, before anything is shown
+    smoothing   how far the movement of vertices is brought to that of their neighbours in each frame; keeps cloth from
+                crumpling, and makes fewer shapes do
+    memory      seconds after which cloth goes back to where the pose alone would have it, to 1/e
+    """
+
+    shapes: int = 32
+    tolerance: float = 5e-4
+    clearance: float = CLEARANCE
+    bulge: float = 0.005
+    searched: int = 24
+    anchors: int = 10_000
+    relaxation: float = 1.2
+    momentum: float = 0.8
+    rounds: float = 450
+    first: int = 100
+    smoothing: float = 0.2
+    memory: float = 1.0
+
+
+def settle_animations(
+    rig: Rig,
+    start: Rig,
+    options: SettleAnimations,
+    motions: Sequence[Motion],
+    firmness: NDArray[np.float32],
+    body: BodyModel,
+    betas: NDArray[Any] | None = None,
+) -> tuple[Rig, PassReport]:
+    """Add blend shapes and keys of single frames, so that along `motions` the outfit moves as settled cloth.
+
+    In each frame cloth starts where `start`, the same outfit as the networks have it, has it in that pose, moved as it
+    came to be moved in the frame before: so it keeps where it slid to, and nothing jumps. From there edges go back to
+    their lengths and vertices out of the skin, as in `resolve_collisions`; cloth of `firmness` (N,) 1 is held by the
+    skin. What `rig` lacks to that, over all frames, has few principal shapes (singular value decomposition); those are
+    added, with their amounts as `Rig.animation_keys`. In any other pose their keys are 0.
+    """
+    if rig.keys is None or not motions or not options.shapes:
+        return rig, PassReport("settle animations", "no animations, or no blend shapes for them")
+    anchors = Anchors.of(rig, options.anchors)
+    poses = np.concatenate([motion.poses for motion in motions])
+    with single_threaded_blas():
+        cloth = _Cloth.of(rig, start, anchors, options, poses, 1 - firmness, body, betas)
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            lacking = np.concatenate(list(pool.map(_lacking, repeat(cloth), repeat(options), motions)))
+        shapes, amounts = _principal(lacking, options.shapes, options.tolerance)
+        keys = np.concatenate([rig.pose_keys(np.asarray(poses, np.float64)), amounts], axis=1)
+    settled = replace(
+        rig,
+        blend_shapes=np.concatenate([rig.blend_shapes, _carried(shapes, anchors)]),
+        blend_normals=None,
+        keys=with_silent_keys(rig.keys, len(shapes)),
+        animation_keys=keys,
+    )
+    moved, left = (1000 * _size(values) for values in (lacking, lacking - amounts.astype(np.float32) @ shapes))
+    detail = f"{len(shapes)} blend shapes for {len(poses)} frames; moved {moved:.1f} mm, {left:.1f} mm short of settled"
+    return settled, PassReport("settle animations", detail)
+
+
+@dataclass(frozen=True)
+class _Cloth:
+    """n anchors of an outfit, before and after the passes, and what makes them settle.
+
+    yielding  (n, 1) float32: 0 where the skin holds the cloth
+    wanted    (n,) metres from the skin
+    """
+
+    before: Rig
+    after: Rig
+    springs: Springs
+    bulging: Bulging
+    skin: NearbySkin
+    wanted: NDArray[np.float32]
+    yielding: NDArray[np.float32]
+
+    @classmethod
+    def of(
+        cls,
+        rig: Rig,
+        start: Rig,
+        anchors: Anchors,
+        options: SettleAnimations,
+        poses: NDArray[Any],
+        yielding: NDArray[np.float32],
+        body: BodyModel,
+        betas: NDArray[Any] | None,
+    ) -> _Cloth:
+        joined = edges(rig.triangles)
+        before, after = (take_vertices(outfit, anchors.rows) for outfit in (start, rig))
+        springs = Springs.of(before.template, anchors.joined(joined))
+        bulging = Bulging.of(rig.template, joined, anchors.rows, springs, options.bulge)
+        skin = NearbySkin.of(before, anchors.normals, body, betas, farthest_apart(poses, options.searched))
+        wanted = wanted_clearance(before, body, betas, options.clearance)
+        return cls(before, after, springs, bulging, skin, wanted, yielding[anchors.rows, None])
+
+
+def _lacking(cloth: _Cloth, options: SettleAnimations, motion: Motion) -> NDArray[np.float32]:
+    """What the outfit after the passes lacks at rest in each frame to be where the cloth settles, (T, 3n)."""
+    kept = np.float32(np.exp(-1 / (motion.fps * options.memory)))
+    relaxation = options.relaxation * cloth.yielding
+    rounds = [options.first // _FIRST_SEARCHES] * _FIRST_SEARCHES
+    moved = np.zeros((3, len(cloth.wanted), 1), dtype=np.float32)
+    lacking = np.empty((len(motion), 3, len(cloth.wanted)), dtype=np.float32)
+    for begin in range(0, len(motion), _FRAMES_AT_ONCE):
+        poses = motion.poses[begin : begin + _FRAMES_AT_ONCE]
+        before, after = posed_outfit(cloth.before, poses), posed_outfit(cloth.after, poses)
+        planes = cloth.skin.planes(poses)
+        settled = np.empty_like(before.vertices)
+        for frame in range(len(poses)):
+            now, skin = before.pose(frame), planes.pose(frame)
+            vertices = now.vertices + kept * now.turned(moved)
+            for count in rounds:
+                there = PosedVertices(vertices, now.turn)
+                contact = PosedCloth.of(there, cloth.skin, skin, cloth.wanted, cloth.bulging)
+                vertices = contact.settled(vertices, cloth.springs, count, relaxation, options.momentum)
+            way = vertices - now.vertices
+            way += options.smoothing * cloth.springs.roughness(way)
+            vertices = contact.settled(now.vertices + way, cloth.springs, 0, 0, 0)
+            # Not the inverse: what moved where skinning all but collapses cloth must not be larger where it does not.
+            moved = np.einsum("ijnp,inp->jnp", now.turn, vertices - now.vertices)
+            settled[:, :, frame] = vertices[:, :, 0]
+            rounds = [max(1, round(options.rounds / motion.fps))]
+        lacking[begin : begin + len(poses)] = after.at_rest(settled - after.vertices).transpose(2, 0, 1)
+    return lacking.reshape(len(motion), -1)
+
+
+def _principal(
+    lacking: NDArray[np.float32], most: int, tolerance: float
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """The principal shapes (K, 3n) of `lacking` (T, 3n), and how much of each is in a frame, (T, K).
+
+    The amounts are scaled so that their `key_reach` is 1, and positive on average. K is at most `most`, and as few as
+    leave `tolerance` metres.
+    """
+    some = lacking[np.unique(np.linspace(0, len(lacking) - 1, _FRAMES_COMPARED).astype(np.intp))]
+    energy, frames = np.linalg.eigh((some @ some.T).astype(np.float64))
+    energy, frames = np.maximum(energy[::-1], 0), frames[:, ::-1]
+    left = np.sqrt(np.maximum(energy.sum() - np.cumsum(energy), 0) / (some.size / 3))
+    count = min(most, 1 + int(np.count_nonzero(left > tolerance)), int(np.count_nonzero(energy > 0)))
+    shapes = (frames[:, :count].T @ some) / np.sqrt(energy[:count, None])
+    amounts = (lacking @ shapes.T.astype(np.float32)).astype(np.float64)
+    reach = key_reach(amounts) * np.where(amounts.sum(axis=0) < 0, -1, 1)
+    return (shapes * reach[:, None]).astype(np.float32), amounts / reach
+
+
+def _carried(shapes: NDArray[np.float32], anchors: Anchors) -> NDArray[np.float32]:
+    """Blend shapes (K, N, 3) of the whole outfit from those of its anchors, (K, 3n)."""
+    by_anchor = shapes.reshape(len(shapes), 3, -1).transpose(2, 0, 1).reshape(-1, 3 * len(shapes))
+    result = np.empty((len(shapes), len(anchors.places), 3), dtype=np.float32)
+    for rows, interpolator in anchors.interpolators(max(1, _VALUES_AT_ONCE // (3 * len(shapes)))):
+        result[:, rows] = (interpolator @ by_anchor).reshape(-1, len(shapes), 3).transpose(1, 0, 2)
+    return result
+
+
+def _size(values: NDArray[np.float32]) -> float:
+    """Root mean square length of vectors (T, 3n)."""
+    return float(np.sqrt(3 * np.square(values).mean()))
