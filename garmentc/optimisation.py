@@ -43,11 +43,12 @@ def passes(inferred: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Pa
     settling = SettleAnimations(settings.animation_morphs)
 
     def settle(rig: Rig, poses: PoseSet) -> tuple[Rig, PassReport]:
-        if not dressed.motions or not settling.shapes:
-            return rig, PassReport("settle animations", "none")
-        # Frames settle by themselves: the networks' own weights are nearer to how cloth hangs than those that resolve
-        # all poses at once.
-        start, _ = limit_influences(follow_skin(inferred, CLINGING, poses, body, betas)[0], influences, poses)
+        start = inferred
+        if dressed.motions and settling.shapes:
+            # Frames settle by themselves: the networks' own weights are nearer to how cloth hangs than those that
+            # resolve all poses at once.
+            start, _ = follow_skin(start, CLINGING, poses, body, betas)
+            start, _ = limit_influences(start, influences, poses)
         return settle_animations(rig, start, settling, dressed.motions, cloth.firmness, body, betas)
 
     steps: list[Pass] = [

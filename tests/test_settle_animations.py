@@ -176,6 +176,22 @@ def test_without_animations_nothing_is_added(lazy: Rig) -> None:
         assert "no " in report.detail
 
 
+def test_what_lies_still_gets_no_shapes(lazy: Rig) -> None:
+    """A garment that is where it should be at rest, and stays there."""
+    apart = replace(lazy, template=lazy.template + np.array([0, 0, 5.0]))  # from any skin
+    still = Motion("still", np.zeros((5, 24, 3)), np.zeros((5, 3)), 30.0)
+    settled, report = settle_animations(apart, apart, ALL, [still], loose(lazy), BODY)
+    assert settled is apart
+    assert report.detail == "5 frames lack nothing"
+
+
+def test_one_frame_is_an_animation(lazy: Rig) -> None:
+    motion = walk(3, frames=1)
+    settled, _ = settle_animations(lazy, lazy, ALL, [motion], loose(lazy), BODY)
+    assert settled.morph_count == lazy.morph_count + 1
+    assert inside(played(settled, motion), motion) < 0.2 * inside(lazy.posed(motion.poses), motion)
+
+
 def test_at_rest_undoes_what_skinning_makes_of_a_movement() -> None:
     rng = np.random.default_rng(0)
     one, other = (axis_angle_to_matrix(scale * rng.normal(size=(50, 3))) for scale in (2.0, 0.5))

@@ -114,7 +114,8 @@ def evaluate(
     rest_lengths = edge_lengths(outfit.rest, pairs)
     covered = CoveredSkin.of(outfit.rest, outfit.triangles, frames.rest, body.faces)
     rows = []
-    for vertices, skin in zip(moved or map(outfit.posed, frames.poses), frames.vertices, strict=True):
+    moved = map(outfit.posed, frames.poses) if moved is None else moved
+    for vertices, skin in zip(moved, frames.vertices, strict=True):
         distance = signed_distance(vertices, skin, body.faces)
         rows.append(
             (

@@ -37,6 +37,9 @@ _FRAMES_COMPARED = 1024
 _FIRST_SEARCHES = 4
 """How often the skin is searched for contacts in an animation's first frame."""
 
+_NOTHING = 1e-6
+"""Metres: a shape that moves vertices by less, root mean square, is rounding."""
+
 _VALUES_AT_ONCE = 2_000_000
 
 
@@ -91,20 +94,24 @@ def settle_animations(
     poses = np.concatenate([motion.poses for motion in motions])
     with single_threaded_blas():
         cloth = _Cloth.of(rig, start, anchors, options, poses, 1 - firmness, body, betas)
+        lacking = np.empty((len(poses), 3 * len(anchors.rows)), dtype=np.float32)
+        parts = np.split(lacking, np.cumsum([len(motion) for motion in motions])[:-1])
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            lacking = np.concatenate(list(pool.map(_lacking, repeat(cloth), repeat(options), motions)))
-        shapes, amounts = _principal(lacking, options.shapes, options.tolerance)
-        keys = np.concatenate([rig.pose_keys(np.asarray(poses, np.float64)), amounts], axis=1)
+            list(pool.map(_settle, parts, repeat(cloth), repeat(options), motions))
+        principal = _Principal.of(lacking, options.shapes, options.tolerance)
+        keys = np.concatenate([rig.pose_keys(np.asarray(poses, np.float64)), principal.amounts], axis=1)
+    moved, left = 1000 * principal.moved, 1000 * principal.left
+    if not len(principal.shapes):
+        return rig, PassReport("settle animations", f"{len(poses)} frames lack nothing")
     settled = replace(
         rig,
-        blend_shapes=np.concatenate([rig.blend_shapes, _carried(shapes, anchors)]),
+        blend_shapes=np.concatenate([rig.blend_shapes, _carried(principal.shapes, anchors)]),
         blend_normals=None,
-        keys=with_silent_keys(rig.keys, len(shapes)),
+        keys=with_silent_keys(rig.keys, len(principal.shapes)),
         animation_keys=keys,
     )
-    moved, left = (1000 * _size(values) for values in (lacking, lacking - amounts.astype(np.float32) @ shapes))
-    detail = f"{len(shapes)} blend shapes for {len(poses)} frames; moved {moved:.1f} mm, {left:.1f} mm short of settled"
-    return settled, PassReport("settle animations", detail)
+    detail = f"{len(principal.shapes)} blend shapes for {len(poses)} frames; moved {moved:.1f} mm"
+    return settled, PassReport("settle animations", f"{detail}, {left:.1f} mm short of settled")
 
 
 @dataclass(frozen=True)
@@ -144,13 +151,12 @@ class _Cloth:
         return cls(before, after, springs, bulging, skin, wanted, yielding[anchors.rows, None])
 
 
-def _lacking(cloth: _Cloth, options: SettleAnimations, motion: Motion) -> NDArray[np.float32]:
-    """What the outfit after the passes lacks at rest in each frame to be where the cloth settles, (T, 3n)."""
+def _settle(lacking: NDArray[np.float32], cloth: _Cloth, options: SettleAnimations, motion: Motion) -> None:
+    """Fill in what the outfit after the passes lacks at rest in each frame to be where the cloth settles, (T, 3n)."""
     kept = np.float32(np.exp(-1 / (motion.fps * options.memory)))
     relaxation = options.relaxation * cloth.yielding
     rounds = [options.first // _FIRST_SEARCHES] * _FIRST_SEARCHES
     moved = np.zeros((3, len(cloth.wanted), 1), dtype=np.float32)
-    lacking = np.empty((len(motion), 3, len(cloth.wanted)), dtype=np.float32)
     for begin in range(0, len(motion), _FRAMES_AT_ONCE):
         poses = motion.poses[begin : begin + _FRAMES_AT_ONCE]
         before, after = posed_outfit(cloth.before, poses), posed_outfit(cloth.after, poses)
@@ -170,27 +176,41 @@ def _lacking(cloth: _Cloth, options: SettleAnimations, motion: Motion) -> NDArra
             moved = np.einsum("ijnp,inp->jnp", now.turn, vertices - now.vertices)
             settled[:, :, frame] = vertices[:, :, 0]
             rounds = [max(1, round(options.rounds / motion.fps))]
-        lacking[begin : begin + len(poses)] = after.at_rest(settled - after.vertices).transpose(2, 0, 1)
-    return lacking.reshape(len(motion), -1)
+        lacking[begin : begin + len(poses)] = after.at_rest(settled - after.vertices).reshape(-1, len(poses)).T
 
 
-def _principal(
-    lacking: NDArray[np.float32], most: int, tolerance: float
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """The principal shapes (K, 3n) of `lacking` (T, 3n), and how much of each is in a frame, (T, K).
+@dataclass(frozen=True)
+class _Principal:
+    """The principal shapes of movements (T, 3n).
 
-    The amounts are scaled so that their `key_reach` is 1, and positive on average. K is at most `most`, and as few as
-    leave `tolerance` metres.
+    shapes       (K, 3n) float32 metres
+    amounts      (T, K) how much of each is in a frame; their `key_reach` is 1, and they are positive on average
+    moved, left  metres, root mean square: all movement, and what the shapes leave of it
     """
-    some = lacking[np.unique(np.linspace(0, len(lacking) - 1, _FRAMES_COMPARED).astype(np.intp))]
-    energy, frames = np.linalg.eigh((some @ some.T).astype(np.float64))
-    energy, frames = np.maximum(energy[::-1], 0), frames[:, ::-1]
-    left = np.sqrt(np.maximum(energy.sum() - np.cumsum(energy), 0) / (some.size / 3))
-    count = min(most, 1 + int(np.count_nonzero(left > tolerance)), int(np.count_nonzero(energy > 0)))
-    shapes = (frames[:, :count].T @ some) / np.sqrt(energy[:count, None])
-    amounts = (lacking @ shapes.T.astype(np.float32)).astype(np.float64)
-    reach = key_reach(amounts) * np.where(amounts.sum(axis=0) < 0, -1, 1)
-    return (shapes * reach[:, None]).astype(np.float32), amounts / reach
+
+    shapes: NDArray[np.float32]
+    amounts: NDArray[np.float64]
+    moved: float
+    left: float
+
+    @classmethod
+    def of(cls, movement: NDArray[np.float32], most: int, tolerance: float) -> _Principal:
+        """At most `most` shapes, and as few as leave `tolerance` metres."""
+        rows = np.unique(np.linspace(0, len(movement) - 1, _FRAMES_COMPARED).astype(np.intp))
+        some = movement[rows]
+        energy, frames = np.linalg.eigh((some @ some.T).astype(np.float64))
+        energy, frames = np.maximum(energy[::-1], 0), frames[:, ::-1]
+        own = np.sqrt(energy / max(1, some.size // 3))
+        left = np.sqrt(np.append(np.cumsum(own[::-1] ** 2)[-2::-1], 0))  # by those after each
+        count = min(most, 1 + int(np.count_nonzero(left > tolerance)), int(np.count_nonzero(own > _NOTHING)))
+        shapes = ((frames[:, :count].T @ some) / np.sqrt(energy[:count, None])).astype(np.float32)
+        amounts = (movement @ shapes.T).astype(np.float64)
+        sizes = np.array([float(np.square(frame).sum()) for frame in movement])
+        counted = max(1, movement.size // 3)
+        remaining = max(0.0, float(sizes.sum() - np.square(amounts).sum()))
+        reach = key_reach(amounts) * np.where(amounts.sum(axis=0) < 0, -1, 1)
+        scaled = (shapes * reach[:, None]).astype(np.float32)
+        return cls(scaled, amounts / reach, np.sqrt(sizes.sum() / counted), np.sqrt(remaining / counted))
 
 
 def _carried(shapes: NDArray[np.float32], anchors: Anchors) -> NDArray[np.float32]:
@@ -200,8 +220,3 @@ def _carried(shapes: NDArray[np.float32], anchors: Anchors) -> NDArray[np.float3
     for rows, interpolator in anchors.interpolators(max(1, _VALUES_AT_ONCE // (3 * len(shapes)))):
         result[:, rows] = (interpolator @ by_anchor).reshape(-1, len(shapes), 3).transpose(1, 0, 2)
     return result
-
-
-def _size(values: NDArray[np.float32]) -> float:
-    """Root mean square length of vectors (T, 3n)."""
-    return float(np.sqrt(3 * np.square(values).mean()))
