@@ -136,7 +136,21 @@ def test_command_line_and_python_api_make_the_same_bytes(
     cli, api = tmp_path / "cli.glb", tmp_path / "api.glb"
     run(
         *("compile", top, "-o", cli, "--profile", "desktop", "--betas", "1,-0.5", "--gender", "female"),
-        *("--morphs", 5, "--influences", 4, "--no-pose-keys", "--motion", motion, "--motion-up", "y", "--name", "x"),
+        *(
+            "--morphs",
+            5,
+            "--animation-morphs",
+            2,
+            "--influences",
+            4,
+            "--no-pose-keys",
+            "--motion",
+            motion,
+            "--motion-up",
+            "y",
+            "--name",
+            "x",
+        ),
     )
     progress: list[tuple[str, float]] = []
     report = garmentc.compile_outfit(
@@ -146,6 +160,7 @@ def test_command_line_and_python_api_make_the_same_bytes(
         on_progress=lambda stage, done: progress.append((stage, done)),
         gender="female",
         morphs=5,
+        animation_morphs=2,
         influences=4,
         pose_keys=False,
         motion=str(motion),
@@ -154,7 +169,7 @@ def test_command_line_and_python_api_make_the_same_bytes(
     )
     assert progress == [("read", 0), ("align", 0), ("infer", 0), ("infer", 1), ("optimise", 0), ("emit", 0)]
     assert api.read_bytes() == cli.read_bytes()
-    assert report.rig.morphs == 5
+    assert report.rig.morphs == 5 + 2
     assert report.alignment.betas == (1.0, -0.5)
 
 
