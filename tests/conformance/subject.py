@@ -59,14 +59,21 @@ class Subject:
 
     def positions(self, influences: int = 8, normalized: bool = True) -> np.ndarray:
         """(T, S, 3) metres at `times`, in an engine that reads so many influences and brings their sum to 1, or not."""
-        return self.posed(self.motion.poses[self.frames], self.motion.trans[self.frames], influences, normalized)
+        poses, translations = self.motion.poses[self.frames], self.motion.trans[self.frames]
+        keys = None if self.rig.animation_keys is None else self.rig.animation_keys[self.frames]
+        return self.posed(poses, translations, influences, normalized, keys)
 
     def posed(
-        self, poses: np.ndarray, translations: np.ndarray, influences: int = 8, normalized: bool = True
+        self,
+        poses: np.ndarray,
+        translations: np.ndarray,
+        influences: int = 8,
+        normalized: bool = True,
+        keys: np.ndarray | None = None,
     ) -> np.ndarray:
-        """(P, S, 3) metres in poses (P, 24, 3) with root translations (P, 3)."""
+        """(P, S, 3) metres in poses (P, 24, 3) with root translations (P, 3); with keys (P, M), or the network's."""
         rig = engine_runs.first_four(self.rig, normalized) if influences < self.influences else self.rig
-        return rig.posed(poses, translations)[:, self.vertices]
+        return rig.posed(poses, translations, keys)[:, self.vertices]
 
 
 def of_gowns(gowns: Sequence[Gown], folder: Path) -> list[Subject]:
