@@ -63,9 +63,7 @@ def _clips(motions: Sequence[Motion], meshes: Sequence[RiggedMesh]) -> tuple[Cli
     ends = np.cumsum([len(motion) for motion in motions])[:-1]
     keys = [mesh.rig.animation_keys for mesh in meshes]
     parts = [[None] * len(motions) if all_keys is None else np.split(all_keys, ends) for all_keys in keys]
-    return tuple(
-        Clip(motion, tuple(of_mesh)) for motion, of_mesh in zip(motions, zip(*parts, strict=True), strict=True)
-    )
+    return tuple(map(Clip, motions, zip(*parts, strict=True)))
 
 
 def _lowest(rig: Rig) -> float:

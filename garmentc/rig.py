@@ -77,6 +77,11 @@ class DenseLayer:
     bias: NDArray[Any]
     activation: str = "linear"
 
+    @property
+    def driven(self) -> NDArray[np.bool_]:
+        """(outputs,) which of them depend on the inputs, or are not 0."""
+        return np.asarray(self.weight.any(axis=1) | (self.bias != 0))
+
     def __call__(self, x: NDArray[Any]) -> NDArray[Any]:
         y: NDArray[Any] = x @ self.weight.T.astype(x.dtype) + self.bias.astype(x.dtype)
         if self.activation in ("relu", "normalized_relu"):
@@ -98,12 +103,6 @@ class KeyNetwork:
     @property
     def output_size(self) -> int:
         return len(self.layers[-1].bias)
-
-    @property
-    def driven(self) -> NDArray[np.bool_]:
-        """(M,) outputs that depend on the pose at all."""
-        last = self.layers[-1]
-        return np.asarray(last.weight.any(axis=1) | (last.bias != 0))
 
     def __call__(self, poses: NDArray[Any]) -> NDArray[Any]:
         """Keys (..., M) of poses (..., 24, 3), in the dtype of `poses`."""
@@ -152,7 +151,7 @@ class Rig:
     @property
     def driven_keys(self) -> NDArray[np.bool_]:
         """(M,) keys that depend on the pose at all; the others are left to animations."""
-        return np.zeros(self.morph_count, np.bool_) if self.keys is None else self.keys.driven
+        return np.zeros(self.morph_count, np.bool_) if self.keys is None else self.keys.layers[-1].driven
 
     def pose_keys(self, poses: NDArray[Any]) -> NDArray[Any]:
         """Keys (..., M) of poses (..., 24, 3)."""

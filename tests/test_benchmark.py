@@ -178,3 +178,12 @@ def test_arms_are_not_opened_in_an_animation(tmp_path: Path) -> None:
     write_glb(replace(make_asset(parts=2), clips=(Clip(MOTION),), extras=extras), path)
     with pytest.raises(GarmentcError, match="--motion"):
         benchmark([path], [], options=EvaluationOptions(arms_opened=10.0))
+
+
+def test_a_frame_rate_that_is_none_is_not_taken(tmp_path: Path) -> None:
+    """Extras are anybody's: a word, nothing or zero in place of a number is no rate."""
+    for written_rate in ("fast", None, 0, -3.0):
+        path = tmp_path / "gown.glb"
+        extras = {"body": "default neutral", "gender": "neutral", "betas": "", "fps:sampled": written_rate}
+        write_glb(replace(make_asset(parts=2), clips=(Clip(MOTION),), extras=extras), path)
+        assert benchmark([path], [], [], EvaluationOptions(step=1))[0].all.frames == 6

@@ -136,21 +136,8 @@ def test_command_line_and_python_api_make_the_same_bytes(
     cli, api = tmp_path / "cli.glb", tmp_path / "api.glb"
     run(
         *("compile", top, "-o", cli, "--profile", "desktop", "--betas", "1,-0.5", "--gender", "female"),
-        *(
-            "--morphs",
-            5,
-            "--animation-morphs",
-            2,
-            "--influences",
-            4,
-            "--no-pose-keys",
-            "--motion",
-            motion,
-            "--motion-up",
-            "y",
-            "--name",
-            "x",
-        ),
+        *("--morphs", 5, "--animation-morphs", 2, "--influences", 4, "--no-pose-keys"),
+        *("--motion", motion, "--motion-up", "y", "--name", "x"),
     )
     progress: list[tuple[str, float]] = []
     report = garmentc.compile_outfit(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -125,18 +125,23 @@ def test_a_compiled_outfit_at_rest_is_the_template(sequence: Sequence, profile: 
     assert np.linalg.norm(rows[0](sample) - (sequence.vertices[5] - sequence.trans[5]), axis=1).max() < 0.05
 
 
+@dataclass(frozen=True)
+class Counted(Method):
+    """The nearest body vertices, and the names of the sequences that it was asked to move."""
+
+    compiled: list[str] = field(default_factory=list, hash=False)
+
+    def posed_template(self, sequence: Sequence, body: BodyModel, body_file: Path | None) -> PosedTemplate:
+        self.compiled.append(sequence.facts.name)
+        return super().posed_template(sequence, body, body_file)
+
+
 def test_an_outfit_is_compiled_once_for_all_sequences_that_share_it(sequence: Sequence) -> None:
-    compiled = []
-
-    class Counted(Method):
-        def posed_template(self, sequence: Sequence, body: BodyModel, body_file: Path | None) -> PosedTemplate:
-            compiled.append(sequence.facts.name)
-            return super().posed_template(sequence, body, body_file)
-
     named = [replace(sequence, facts=replace(sequence.facts, name=name)) for name in ("a", "b", "c")]
     named[2] = replace(named[2], betas=named[2].betas + np.float32(0.5))
-    result = score_outfit(named, [Counted("nearest")], frames=1)
-    assert compiled == ["a", "c"], "another body is another fitting"
+    counted = Counted("nearest")
+    result = score_outfit(named, [counted], frames=1)
+    assert counted.compiled == ["a", "c"], "another body is another fitting"
     assert [name for name, _ in result.frames] == ["a", "b", "c"]
 
 
@@ -155,16 +160,10 @@ def test_an_animation_is_what_the_file_plays(sequence: Sequence) -> None:
 
 
 def test_an_outfit_is_compiled_anew_for_each_animation(sequence: Sequence) -> None:
-    compiled = []
-
-    class Counted(Method):
-        def posed_template(self, sequence: Sequence, body: BodyModel, body_file: Path | None) -> PosedTemplate:
-            compiled.append(sequence.facts.name)
-            return super().posed_template(sequence, body, body_file)
-
     named = [replace(sequence, facts=replace(sequence.facts, name=name)) for name in ("a", "b")]
-    score_outfit(named, [Counted("nearest", animated=True)], frames=1)
-    assert compiled == ["a", "b"]
+    counted = Counted("nearest", animated=True)
+    score_outfit(named, [counted], frames=1)
+    assert counted.compiled == ["a", "b"]
 
 
 def test_vertices_of_no_face_do_not_count(sequence: Sequence) -> None:

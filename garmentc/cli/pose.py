@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from garmentc.gltf.glb_asset import GlbAsset
     from garmentc.gltf.state import State
 
-DEFAULT_FPS = 30.0
-"""Where an animation does not say how many frames a second it has."""
-
 
 @click.command("pose")
 @click.argument("glb", type=PATH, metavar="ASSET.glb")
@@ -56,7 +53,7 @@ def command(
     at_rest = animation is None and frame is None and time is None
     number = 0 if at_rest else animation_number(asset, animation or "0")
     if frame is not None:
-        time = frame / _fps(asset, number)
+        time = frame / asset.frame_rate(number)
     vertices, triangles = world_mesh(asset, _state(asset, time, params, number))
     write_mesh(output, vertices, triangles)
     if as_json:
@@ -84,12 +81,3 @@ def _state(asset: GlbAsset, time: float | None, params: Path | None, animation: 
     if pose is None:
         raise GarmentcError("has no pose; add one of 24 rotation vectors", params)
     return state_at_pose(asset, pose)
-
-
-def _fps(asset: GlbAsset, animation: int) -> float:
-    """Frames a second that an animation was made with, as the compiler wrote it into the asset's extras."""
-    if isinstance(asset.extras, dict) and animation < len(asset.animations):
-        written = asset.extras.get(f"fps:{asset.animations[animation].name}")
-        if isinstance(written, (int, float)) and written > 0:
-            return float(written)
-    return DEFAULT_FPS

@@ -22,9 +22,6 @@ Baseline = Literal["nearest"]
 
 COMPILED = "compiled"
 
-_FPS = 30.0
-"""Frames a second of an animation, where the file does not say."""
-
 
 def benchmark(
     outfits: Sequence[Path],
@@ -77,13 +74,11 @@ def animation_frames(
         raise GarmentcError("has no animation; give --motion, or compile it with one", path)
     if options.arms_opened:
         raise GarmentcError("arms are opened along motions alone, not in a file's own animations; give --motion")
-    extras = outfit.asset.extras if isinstance(outfit.asset.extras, dict) else {}
     frames: list[BodyFrames] = []
     moved: list[Sequence[NDArray[Any]] | None] = []
     for number, animation in enumerate(outfit.asset.animations):
-        fps = float(extras.get(f"fps:{animation.name}", _FPS))
-        end = max(float(channel.times[-1]) for channel in animation.channels)
-        times = np.arange(0, round(end * fps) + 1, options.step) / fps
+        fps = outfit.asset.frame_rate(number)
+        times = np.arange(0, round(animation.duration * fps) + 1, options.step) / fps
         poses, vertices = zip(*(outfit.animated(number, time) for time in times), strict=True)
         frames.append(posed_frames(animation.name, body, betas, np.array(poses), options))
         moved.append(vertices)

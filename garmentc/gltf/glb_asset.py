@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from garmentc.rig import DenseLayer
 
+_DEFAULT_FPS = 30.0
+"""Where an animation does not say how many frames a second it has."""
+
 
 @dataclass(frozen=True)
 class Storage:
@@ -168,6 +171,14 @@ class GlbAsset:
     file_bytes: int
     json_bytes: int
     view_uses: tuple[tuple[str, int], ...] = ()
+
+    def frame_rate(self, animation: int) -> float:
+        """Frames a second that an animation was made with, as the compiler wrote it into the extras."""
+        if isinstance(self.extras, dict) and animation < len(self.animations):
+            written = self.extras.get(f"fps:{self.animations[animation].name}")
+            if isinstance(written, (int, float)) and written > 0:
+                return float(written)
+        return _DEFAULT_FPS
 
     @property
     def mesh_nodes(self) -> tuple[int, ...]:

@@ -61,8 +61,7 @@ def _baked_keys(asset: GlbAsset, animation: int, channel: Channel, where: str) -
             return  # the network itself has a finding
         times.append(time)
         apart.append(keys - state.weights[channel.node])
-    last, difference = network.layers[-1], np.array(apart)
-    driven = last.weight.any(axis=1) | (last.bias != 0)
+    difference, driven = np.array(apart), network.layers[-1].driven
     if driven.any():
         difference[:, ~driven] = np.median(difference[:, driven], axis=1, keepdims=True)
     moved = moved_at_most(asset, channel.node, difference)

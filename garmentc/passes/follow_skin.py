@@ -31,7 +31,8 @@ class FollowSkin:
 
     reach      metres: cloth this far from the skin takes a share 1/e of the skin's weights, nearer cloth more
     tight      metres: cloth this close clings to the skin, and takes its weights even where they save nothing
-    saved      metres of mean penetration that the skin's weights must save for a vertex to take them,
+    saved      metres of mean penetration that the skin's weights must save for a vertex to take them (infinite: nothing
+               saves enough, and no pose is looked at),
     mended     and from which to which share of all its penetration: with less it takes none of them, with more all
     poses      how many poses to look at
     anchors    vertices to look at; those between them do as they do
@@ -66,17 +67,10 @@ def follow_skin(
     anchors = Anchors.of(rig, options.anchors)
     part = take_vertices(rig, anchors.rows)
     closest = closest_on_surface(part.template, skin, body.faces)
-    all_in = replace(part, weights=_mixed(part.weights, np.ones(len(anchors.rows)), closest, body, options.reach))
-    with single_threaded_blas():
-        wanted = CLOSEST + wanted_clearance(part, body, betas)
-        clearance = find_clearance(side_by_side(part, all_in), body, betas, poses.some_shaken(options.poses), _DEPTH)
-    lacking = np.maximum(np.concatenate([wanted, wanted]) - clearance, 0).mean(axis=0)
-    before, after = np.split(lacking, 2)
-    least, enough = options.mended
-    mended = 1 - after / np.maximum(before, np.finfo(before.dtype).tiny)
-    saves = np.clip((before - after) / options.saved, 0, 1) * np.clip((mended - least) / (enough - least), 0, 1)
-    clings = np.exp(-((closest.distance / options.tight) ** 2))
-    chosen = choice = np.maximum(saves, clings)
+    chosen = np.exp(-((closest.distance / options.tight) ** 2))
+    if np.isfinite(options.saved):
+        chosen = np.maximum(chosen, _saves(part, closest, options, poses.some_shaken(options.poses), body, betas))
+    choice = chosen
     for _ in range(options.smoothing):
         choice = np.maximum(chosen, anchors.smoother @ choice)
     everywhere = np.empty(rig.vertex_count)
@@ -90,6 +84,29 @@ def follow_skin(
     moved = posed_error(rig, followed, poses.check)
     detail = f"{100 * everywhere.mean():.0f} % of the cloth follows the skin beneath; moved {moved}"
     return followed, PassReport("follow skin", detail)
+
+
+def _saves(
+    part: Rig,
+    closest: ClosestPoints,
+    options: FollowSkin,
+    poses: NDArray[Any],
+    body: BodyModel,
+    betas: NDArray[Any] | None,
+) -> NDArray[Any]:
+    """How far the weights of the closest skin save each vertex of `part` from sinking in, 0 to 1; (n,)."""
+    all_in = replace(part, weights=_mixed(part.weights, np.ones(len(part.weights)), closest, body, options.reach))
+    with single_threaded_blas():
+        wanted = CLOSEST + wanted_clearance(part, body, betas)
+        clearance = find_clearance(side_by_side(part, all_in), body, betas, poses, _DEPTH)
+    lacking = np.maximum(np.concatenate([wanted, wanted]) - clearance, 0).mean(axis=0)
+    before, after = np.split(lacking, 2)
+    least, enough = options.mended
+    mended = 1 - after / np.maximum(before, np.finfo(before.dtype).tiny)
+    saves: NDArray[Any] = np.clip((before - after) / options.saved, 0, 1) * np.clip(
+        (mended - least) / (enough - least), 0, 1
+    )
+    return saves
 
 
 def _mixed(

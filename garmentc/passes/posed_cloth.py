@@ -7,9 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.passes.body_contacts import Planes
-from garmentc.passes.bulging import Bulging
-from garmentc.passes.nearby_skin import NearbySkin
 from garmentc.passes.posed_skinning import PosedVertices
 from garmentc.passes.springs import Springs
 
@@ -31,23 +28,13 @@ class PosedCloth:
     normals: NDArray[np.float32]
     least: NDArray[np.float32]
 
-    @classmethod
-    def of(
-        cls, posed: PosedVertices, skin: NearbySkin, planes: Planes, wanted: NDArray[np.float32], bulging: Bulging
-    ) -> PosedCloth:
-        """In the P poses of `planes`, with `wanted` clearances (n,) from the skin beyond what that bulges out."""
-        clearance, normals = skin.contacts(posed, planes)
-        least = bulging.height(posed.vertices, normals)
-        least += wanted[:, None]
-        least -= clearance
-        least += np.einsum("inp,inp->np", normals, posed.vertices)
-        return cls(posed, normals, least)
-
     def way(
         self, moved: NDArray[np.float32], springs: Springs, rounds: int, relaxation: float, momentum: float
     ) -> NDArray[np.float32]:
         """How far cloth with the rest-space displacements `moved` settles, (3, n, P), in rest space too."""
         start = self.posed.vertices + self.posed.turned(moved)
+        if not rounds:  # only out of the skin
+            return self._at_rest(self.way_out(start))
         return self._at_rest(self.settled(start, springs, rounds, relaxation, momentum) - start)
 
     def settled(
@@ -62,10 +49,8 @@ class PosedCloth:
 
         A round goes towards unstretched springs, a share `relaxation` of the way that would be right for an edge alone
         (one of all, or (n, 1)), and from there out to where it should be; it begins a share `momentum` of the last
-        round's way ahead. No round only goes out to where it should be.
+        round's way ahead.
         """
-        if not rounds:
-            return start + self._way_out(start)
         before = now = start
         for _ in range(rounds):
             ahead = now - before
@@ -74,11 +59,11 @@ class PosedCloth:
             pull = springs.pull(ahead)
             pull *= np.asarray(relaxation, np.float32)
             ahead += pull
-            ahead += self._way_out(ahead)
+            ahead += self.way_out(ahead)
             before, now = now, ahead
         return now
 
-    def _way_out(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
+    def way_out(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
         """The step (3, n, P) of those of the vertices (3, n, P) that are too close to the skin."""
         lacking = self.least - np.einsum("inp,inp->np", self.normals, vertices)
         np.maximum(lacking, 0, out=lacking)
@@ -91,6 +76,6 @@ class PosedCloth:
         The exact way, `PosedVertices.at_rest`, lets what is regressed on keys grow where skinning all but collapses.
         """
         turn = self.posed.turn
-        result: NDArray[np.float32] = np.einsum("ijnp,inp->jnp", turn, way)
+        result: NDArray[np.float32] = self.posed.turned_back(way)
         result /= np.maximum(np.einsum("ijnp,ijnp->np", turn, turn) / np.float32(3), np.float32(_MOST_SHRUNK))
         return result

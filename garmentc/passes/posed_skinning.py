@@ -42,6 +42,11 @@ class PosedVertices:
         result: NDArray[Any] = np.einsum("ijnp,jnp->inp", self.turn, moved)
         return result
 
+    def turned_back(self, way: NDArray[Any]) -> NDArray[Any]:
+        """`way` (3, n, P) turned as the rest vertices are: the transpose of `turned`, which never lengthens."""
+        result: NDArray[Any] = np.einsum("ijnp,inp->jnp", self.turn, way)
+        return result
+
     def at_rest(self, way: NDArray[Any]) -> NDArray[Any]:
         """What skinning makes `way` (3, n, P) of: the inverse of `turned`, damped (Levenberg 1944).
 
@@ -51,7 +56,7 @@ class PosedVertices:
         xx, yy, zz = xx + _DAMPING, yy + _DAMPING, zz + _DAMPING
         # The inverse of that symmetric matrix: its cofactors over its determinant.
         a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-        x, y, z = np.einsum("ijnp,inp->jnp", self.turn, way)
+        x, y, z = self.turned_back(way)
         result: NDArray[Any] = np.stack(
             [
                 a * x + b * y + c * z,

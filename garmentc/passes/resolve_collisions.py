@@ -12,12 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.outfit.topology import edges
+from garmentc.passes.anchored_cloth import AnchoredCloth
 from garmentc.passes.anchors import Anchors
 from garmentc.passes.blas import single_threaded_blas
-from garmentc.passes.body_contacts import CLEARANCE, find_clearance, wanted_clearance
-from garmentc.passes.bulging import Bulging
-from garmentc.passes.nearby_skin import NearbySkin
+from garmentc.passes.body_contacts import CLEARANCE, find_clearance
 from garmentc.passes.part_of_rig import side_by_side, take_vertices
 from garmentc.passes.pose_blocks import over_blocks
 from garmentc.passes.pose_set import PoseSet, farthest_apart
@@ -92,25 +90,22 @@ def resolve_collisions(
     if not keys.any():  # a bundle of blend weights alone
         return rig, PassReport("resolve collisions", "no pose keys that move")
     anchors = Anchors.of(rig, options.anchors)
-    part = take_vertices(rig, anchors.rows)
     with single_threaded_blas():
-        wanted = wanted_clearance(part, body, betas, options.clearance)
-        skin = NearbySkin.of(part, anchors.normals, body, betas, farthest_apart(fit, options.searched))
-        joined = edges(rig.triangles)
-        pairs = anchors.joined(joined)
-        springs = Springs.of(part.template, pairs)
-        bulging = Bulging.of(rig.template, joined, anchors.rows, springs, options.bulge)
+        searched = farthest_apart(fit, options.searched)
+        anchored = AnchoredCloth.of(
+            rig, anchors, body, betas, searched=searched, clearance=options.clearance, bulge=options.bulge
+        )
 
         def in_poses(block: NDArray[Any]) -> PosedCloth:
-            return PosedCloth.of(posed_outfit(part, block), skin, skin.planes(block), wanted, bulging)
+            return anchored.touching(posed_outfit(anchored.part, block), anchored.skin.planes(block))
 
         cloth = over_blocks(in_poses, fit, _POSES_AT_ONCE)
         regression = _Regression.on(keys, options.ridge)
-        shapes = _settled(cloth, springs, regression, options)
+        shapes = _settled(cloth, anchored.springs, regression, options)
         resolved = replace(
             rig, blend_shapes=_plus(rig.blend_shapes, shapes, regression.axes, anchors), blend_normals=None
         )
-        both = side_by_side(part, take_vertices(resolved, anchors.rows))
+        both = side_by_side(anchored.part, take_vertices(resolved, anchors.rows))
         inside = find_clearance(both, body, betas, poses.check[:_CHECKED]) < 0
     before, after = (100 * float(half.mean()) for half in np.split(inside, 2, axis=1))
     moved = posed_error(rig, resolved, poses.check)

@@ -12,19 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.outfit.topology import edges
+from garmentc.passes.anchored_cloth import AnchoredCloth
 from garmentc.passes.anchors import Anchors
 from garmentc.passes.blas import single_threaded_blas
-from garmentc.passes.body_contacts import CLEARANCE, wanted_clearance
-from garmentc.passes.bulging import Bulging
+from garmentc.passes.body_contacts import CLEARANCE
 from garmentc.passes.key_reach import key_reach
-from garmentc.passes.nearby_skin import NearbySkin
 from garmentc.passes.part_of_rig import take_vertices
 from garmentc.passes.pose_set import farthest_apart
-from garmentc.passes.posed_cloth import PosedCloth
 from garmentc.passes.posed_skinning import PosedVertices, posed_outfit
 from garmentc.passes.report import PassReport
-from garmentc.passes.springs import Springs
 from garmentc.resting_layer import with_silent_keys
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
@@ -93,11 +89,15 @@ def settle_animations(
     anchors = Anchors.of(rig, options.anchors)
     poses = np.concatenate([motion.poses for motion in motions])
     with single_threaded_blas():
-        cloth = _Cloth.of(rig, start, anchors, options, poses, 1 - firmness, body, betas)
+        searched = farthest_apart(poses, options.searched)
+        cloth = AnchoredCloth.of(
+            start, anchors, body, betas, searched=searched, clearance=options.clearance, bulge=options.bulge
+        )
+        finished, yielding = take_vertices(rig, anchors.rows), 1 - firmness[anchors.rows, None]
         lacking = np.empty((len(poses), 3 * len(anchors.rows)), dtype=np.float32)
         parts = np.split(lacking, np.cumsum([len(motion) for motion in motions])[:-1])
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(_settle, parts, repeat(cloth), repeat(options), motions))
+            list(pool.map(_settle, parts, motions, *map(repeat, (cloth, finished, yielding, options))))
         principal = _Principal.of(lacking, options.shapes, options.tolerance)
         keys = np.concatenate([rig.pose_keys(np.asarray(poses, np.float64)), principal.amounts], axis=1)
     moved, left = 1000 * principal.moved, 1000 * principal.left
@@ -114,66 +114,39 @@ def settle_animations(
     return settled, PassReport("settle animations", f"{detail}, {left:.1f} mm short of settled")
 
 
-@dataclass(frozen=True)
-class _Cloth:
-    """n anchors of an outfit, before and after the passes, and what makes them settle.
+def _settle(
+    lacking: NDArray[np.float32],
+    motion: Motion,
+    cloth: AnchoredCloth,
+    finished: Rig,
+    yielding: NDArray[np.float32],
+    options: SettleAnimations,
+) -> None:
+    """Fill in what anchors `finished` by the passes lack at rest in each frame to be where `cloth` settles, (T, 3n).
 
-    yielding  (n, 1) float32: 0 where the skin holds the cloth
-    wanted    (n,) metres from the skin
+    yielding  (n, 1) 0 where the skin holds the cloth
     """
-
-    before: Rig
-    after: Rig
-    springs: Springs
-    bulging: Bulging
-    skin: NearbySkin
-    wanted: NDArray[np.float32]
-    yielding: NDArray[np.float32]
-
-    @classmethod
-    def of(
-        cls,
-        rig: Rig,
-        start: Rig,
-        anchors: Anchors,
-        options: SettleAnimations,
-        poses: NDArray[Any],
-        yielding: NDArray[np.float32],
-        body: BodyModel,
-        betas: NDArray[Any] | None,
-    ) -> _Cloth:
-        joined = edges(rig.triangles)
-        before, after = (take_vertices(outfit, anchors.rows) for outfit in (start, rig))
-        springs = Springs.of(before.template, anchors.joined(joined))
-        bulging = Bulging.of(rig.template, joined, anchors.rows, springs, options.bulge)
-        skin = NearbySkin.of(before, anchors.normals, body, betas, farthest_apart(poses, options.searched))
-        wanted = wanted_clearance(before, body, betas, options.clearance)
-        return cls(before, after, springs, bulging, skin, wanted, yielding[anchors.rows, None])
-
-
-def _settle(lacking: NDArray[np.float32], cloth: _Cloth, options: SettleAnimations, motion: Motion) -> None:
-    """Fill in what the outfit after the passes lacks at rest in each frame to be where the cloth settles, (T, 3n)."""
     kept = np.float32(np.exp(-1 / (motion.fps * options.memory)))
-    relaxation = options.relaxation * cloth.yielding
+    relaxation = options.relaxation * yielding
     rounds = [options.first // _FIRST_SEARCHES] * _FIRST_SEARCHES
     moved = np.zeros((3, len(cloth.wanted), 1), dtype=np.float32)
     for begin in range(0, len(motion), _FRAMES_AT_ONCE):
         poses = motion.poses[begin : begin + _FRAMES_AT_ONCE]
-        before, after = posed_outfit(cloth.before, poses), posed_outfit(cloth.after, poses)
+        before, after = posed_outfit(cloth.part, poses), posed_outfit(finished, poses)
         planes = cloth.skin.planes(poses)
         settled = np.empty_like(before.vertices)
         for frame in range(len(poses)):
             now, skin = before.pose(frame), planes.pose(frame)
             vertices = now.vertices + kept * now.turned(moved)
             for count in rounds:
-                there = PosedVertices(vertices, now.turn)
-                contact = PosedCloth.of(there, cloth.skin, skin, cloth.wanted, cloth.bulging)
+                contact = cloth.touching(PosedVertices(vertices, now.turn), skin)
                 vertices = contact.settled(vertices, cloth.springs, count, relaxation, options.momentum)
             way = vertices - now.vertices
             way += options.smoothing * cloth.springs.roughness(way)
-            vertices = contact.settled(now.vertices + way, cloth.springs, 0, 0, 0)
+            vertices = now.vertices + way
+            vertices += contact.way_out(vertices)
             # Not the inverse: what moved where skinning all but collapses cloth must not be larger where it does not.
-            moved = np.einsum("ijnp,inp->jnp", now.turn, vertices - now.vertices)
+            moved = now.turned_back(vertices - now.vertices)
             settled[:, :, frame] = vertices[:, :, 0]
             rounds = [max(1, round(options.rounds / motion.fps))]
         lacking[begin : begin + len(poses)] = after.at_rest(settled - after.vertices).reshape(-1, len(poses)).T
