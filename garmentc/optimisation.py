@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -42,23 +43,23 @@ def passes(inferred: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Pa
     invisible = PruneMorphs() if settings.sparse == "auto" else PruneMorphs(threshold=0)
     settling = SettleAnimations(settings.animation_morphs)
 
-    def settle(rig: Rig, poses: PoseSet) -> tuple[Rig, PassReport]:
-        start = inferred
-        if dressed.motions and settling.shapes:
-            # Frames settle by themselves: the networks' own weights are nearer to how cloth hangs than those that
-            # resolve all poses at once.
-            start, _ = follow_skin(start, CLINGING, poses, body, betas)
-            start, _ = limit_influences(start, influences, poses)
-        return settle_animations(rig, start, settling, dressed.motions, cloth.firmness, body, betas)
+    @cache
+    def start(poses: PoseSet) -> Rig:
+        """Where cloth falls from: the networks' own weights are nearer to how it hangs than those that follow the skin
+        to keep out of it."""
+        clinging, _ = follow_skin(inferred, CLINGING, poses, body, betas)
+        return limit_influences(clinging, influences, poses)[0]
 
     steps: list[Pass] = [
         lambda rig, poses: follow_skin(rig, FollowSkin(), poses, body, betas),
         lambda rig, poses: limit_influences(rig, influences, poses),
         # Needs the final weights, and works best with all keys that the network has.
-        lambda rig, poses: resolve_collisions(rig, ResolveCollisions(), poses, body, betas),
+        lambda rig, poses: resolve_collisions(
+            rig, ResolveCollisions(), poses, body, betas, start=start(poses), firmness=cloth.firmness
+        ),
         lambda rig, poses: reduce_blend_shapes(rig, reduction, poses),
         # Makes up for what the reduction has left out, too.
-        settle,
+        lambda rig, poses: settle_animations(rig, start(poses), settling, dressed.motions, cloth.firmness, body, betas),
         # Copies what all passes before have made of the cloth above.
         lambda rig, poses: keep_tucked(
             rig, KeepTucked(influences=settings.influences), poses, cloth.held > 0, body, betas

@@ -12,10 +12,13 @@ from garmentc.outfit.topology import edges
 from garmentc.passes.anchors import Anchors
 from garmentc.passes.body_contacts import Planes, wanted_clearance
 from garmentc.passes.bulging import Bulging
+from garmentc.passes.cloth_dynamics import ClothDynamics, MovingCloth, SkinPath, advanced
 from garmentc.passes.nearby_skin import NearbySkin
+from garmentc.passes.overlaps import Overlaps
 from garmentc.passes.part_of_rig import take_vertices
+from garmentc.passes.pieces import Pieces, sewn_on
 from garmentc.passes.posed_cloth import PosedCloth
-from garmentc.passes.posed_skinning import PosedVertices
+from garmentc.passes.posed_skinning import PosedVertices, posed_outfit
 from garmentc.passes.springs import Springs
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
@@ -26,10 +29,14 @@ class AnchoredCloth:
     """n anchors of an outfit.
 
     part    the rig of the anchors alone
+    pieces  what of them hangs together,
+    overlaps   and lies over what
     wanted  (n,) float32 metres that they should keep from the skin beyond what that bulges out
     """
 
     part: Rig
+    pieces: Pieces
+    overlaps: Overlaps
     springs: Springs
     bulging: Bulging
     skin: NearbySkin
@@ -54,9 +61,12 @@ class AnchoredCloth:
         bulge      metres, see `Bulging`
         """
         joined, part = edges(rig.triangles), take_vertices(rig, anchors.rows)
-        springs = Springs.of(part.template, anchors.joined(joined))
+        pairs, pieces = sewn_on(part.template, anchors.joined(joined))
+        springs = Springs.of(part.template, pairs)
         return cls(
             part,
+            pieces,
+            Overlaps.of(part.template, pieces, body.shaped(betas), body.faces),
             springs,
             Bulging.of(rig.template, joined, anchors.rows, springs, bulge),
             NearbySkin.of(part, anchors.normals, body, betas, searched),
@@ -71,3 +81,36 @@ class AnchoredCloth:
         least -= clearance
         least += np.einsum("inp,inp->np", normals, posed.vertices)
         return PosedCloth(posed, normals, least)
+
+    def path(self, vertices: NDArray[np.float32], before: Planes, after: Planes) -> SkinPath:
+        """The skin that anchors at `vertices` (3, n, P) are near, while it goes from the planes `before` to `after`."""
+        normals, start, end = self.skin.path(vertices, before, after)
+        height = self.bulging.height(vertices, normals)
+        height += self.wanted[:, None]
+        low, high = (height + np.einsum("inp,inp->np", normals, centers) for centers in (start, end))
+        return SkinPath(normals, low, high, end - start)
+
+    def borne(self, skin: SkinPath, firmness: NDArray[Any]) -> NDArray[np.bool_]:
+        """Whether the skin touches or holds anything of the piece that each anchor belongs to, (n, P).
+
+        firmness  (n,) how much it holds each
+        """
+        return self.pieces.any(skin.normals.any(axis=0) | (firmness[:, None] > 0))
+
+    def fallen(
+        self, poses: NDArray[Any], firmness: NDArray[Any], dynamics: ClothDynamics, rounds: int, touching: int
+    ) -> NDArray[np.float32]:
+        """Where the cloth has fallen to (3, n, P), from where the rig has it in `poses` (P, 24, 3), the body still.
+
+        rounds, touching  how many rounds, and how often meanwhile it is asked what the cloth touches
+        """
+        start, planes = posed_outfit(self.part, poses), self.skin.planes(poses)
+        cloth = MovingCloth(start.vertices, np.zeros_like(start.vertices))
+        held = firmness[:, None].astype(np.float32), start.vertices, start.vertices
+        for some in filter(None, np.diff(np.linspace(0, rounds, touching + 1).astype(int)).tolist()):
+            contact = self.touching(PosedVertices(cloth.vertices, start.turn), planes)
+            skin = SkinPath(contact.normals, contact.least, contact.least)
+            time = some * dynamics.round_time(self.springs)
+            borne = self.borne(skin, firmness)
+            cloth = advanced(cloth, self.springs, self.overlaps, skin, held, borne, dynamics, time, some)
+        return cloth.vertices

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.outfit.topology import vertex_normals
+from garmentc.outfit.topology import edges, vertex_normals
 from garmentc.passes.part_of_rig import spread_vertices
+from garmentc.passes.pieces import layers
 from garmentc.rig import Rig
 
 _NORMAL_REACH = 0.05
+_LAYER_REACH = 1.0
 _NEIGHBOURS = 6
 _SUPPORT = 4
 
@@ -24,8 +26,8 @@ class Anchors:
     """Vertices of an outfit, spread over it.
 
     rows    (n,) which vertices
-    places  (N, 6) position and scaled normal of every vertex at rest. Vertices are neighbours where these are close:
-            the two sides of a gap face each other, so nothing leaks across it, and no topology is asked for
+    places  (N, 7) position, scaled normal and layer of every vertex at rest. Vertices are neighbours where these are
+            close: the two sides of a gap face each other, so nothing leaks across it, and neither from layer to layer
     """
 
     rows: NDArray[np.intp]
@@ -35,12 +37,13 @@ class Anchors:
     def of(cls, rig: Rig, most: int) -> Anchors:
         template = rig.template.astype(np.float64)
         normals = _NORMAL_REACH * vertex_normals(template, rig.triangles)
-        return cls(spread_vertices(rig.vertex_count, most), np.concatenate([template, normals], axis=1))
+        layer = _LAYER_REACH * layers(template, edges(rig.triangles)).astype(np.float64)
+        return cls(spread_vertices(rig.vertex_count, most), np.column_stack([template, normals, layer]))
 
     @property
     def normals(self) -> NDArray[np.float64]:
         """Unit normals (n, 3) of the anchors at rest."""
-        return self.places[self.rows, 3:] / _NORMAL_REACH
+        return self.places[self.rows, 3:6] / _NORMAL_REACH
 
     @cached_property
     def smoother(self) -> Any:

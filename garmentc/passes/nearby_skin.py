@@ -76,20 +76,45 @@ class NearbySkin:
 
         Both are 0 where there is no contact.
         """
-        squared = np.full(outfit.vertices.shape[1:], _REACH**2, dtype=np.float32)
+        rows, depths, counts = self._nearest(outfit.vertices, planes)
+        clearance, normals = planes.offset(outfit.vertices, rows)
+        counts &= in_contact(clearance, depths)
+        return clearance * counts, normals * counts
+
+    def path(
+        self, vertices: NDArray[np.float32], before: Planes, after: Planes
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """The skin that `vertices` (3, n, P) are near in the planes `before`: where it is there, and in those `after`.
+
+        Returns the skin's normals afterwards (3, n, P), 0 where there is none to care about, and the centres of its
+        triangles before and after (3, n, P). All skin within _REACH counts: cloth may come to it in between.
+        """
+        rows, depths, counts = self._nearest(vertices, before)
+        counts &= before.offset(vertices, rows)[0] > -depths
+        place = rows * before.centers.shape[2] + np.arange(before.centers.shape[2])
+        normals, start, end = (
+            np.take(array.reshape(3, -1), place, axis=1) for array in (after.normals, before.centers, after.centers)
+        )
+        return normals * counts, start, end
+
+    def _nearest(
+        self, vertices: NDArray[np.float32], planes: Planes
+    ) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
+        """Of the candidates of each vertex the nearest in each pose (n, P), how deep in it a vertex may be, and
+        whether it is near at all and on the same limb."""
+        squared = np.full(vertices.shape[1:], _REACH**2, dtype=np.float32)
         chosen = np.full(squared.shape, _CANDIDATES, dtype=np.uint8)
         for column, rows in enumerate(self.candidates.T):
-            apart = outfit.vertices - np.take(planes.centers, rows, axis=1)
+            apart = vertices - np.take(planes.centers, rows, axis=1)
             distance = np.einsum("inp,inp->np", apart, apart)
             distance += self.turned[:, column, None]
             np.copyto(chosen, column, where=distance < squared)
             np.minimum(squared, distance, out=squared)
         found = chosen < _CANDIDATES
         chosen[~found] = 0
-        clearance, normals = planes.offset(outfit.vertices, np.take_along_axis(self.candidates, chosen, axis=1))
-        counts = found & np.take_along_axis(self.joined, chosen, axis=1)
-        counts &= in_contact(clearance, np.take_along_axis(self.depths, chosen, axis=1))
-        return clearance * counts, normals * counts
+        found &= np.take_along_axis(self.joined, chosen, axis=1)
+        rows = np.take_along_axis(self.candidates, chosen, axis=1)
+        return rows, np.take_along_axis(self.depths, chosen, axis=1), found
 
 
 def _most_frequent(found: NDArray[np.intp], count: int) -> NDArray[np.intp]:

@@ -34,8 +34,8 @@ class PosedCloth:
         """How far cloth with the rest-space displacements `moved` settles, (3, n, P), in rest space too."""
         start = self.posed.vertices + self.posed.turned(moved)
         if not rounds:  # only out of the skin
-            return self._at_rest(self.way_out(start))
-        return self._at_rest(self.settled(start, springs, rounds, relaxation, momentum) - start)
+            return self.at_rest(self.way_out(start))
+        return self.at_rest(self.settled(start, springs, rounds, relaxation, momentum) - start)
 
     def settled(
         self,
@@ -70,7 +70,7 @@ class PosedCloth:
         way: NDArray[np.float32] = self.normals * lacking
         return way
 
-    def _at_rest(self, way: NDArray[np.float32]) -> NDArray[np.float32]:
+    def at_rest(self, way: NDArray[np.float32]) -> NDArray[np.float32]:
         """What skinning makes `way` (3, n, P) of, nearly: it turns, and shrinks where joints' rotations are mixed.
 
         The exact way, `PosedVertices.at_rest`, lets what is regressed on keys grow where skinning all but collapses.

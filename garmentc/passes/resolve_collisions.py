@@ -1,4 +1,4 @@
-"""Bend the blend shapes so that the outfit stays outside its body, and its edges as long as they are."""
+"""Bend the blend shapes so that the outfit hangs as cloth does: outside its body, and its edges as long as they are."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,13 @@ from garmentc.passes.anchored_cloth import AnchoredCloth
 from garmentc.passes.anchors import Anchors
 from garmentc.passes.blas import single_threaded_blas
 from garmentc.passes.body_contacts import CLEARANCE, find_clearance
+from garmentc.passes.cloth_dynamics import ClothDynamics
 from garmentc.passes.part_of_rig import side_by_side, take_vertices
 from garmentc.passes.pose_blocks import over_blocks
 from garmentc.passes.pose_set import PoseSet, farthest_apart
 from garmentc.passes.posed_cloth import PosedCloth
 from garmentc.passes.posed_error import posed_error
-from garmentc.passes.posed_skinning import posed_outfit
+from garmentc.passes.posed_skinning import PosedVertices, posed_outfit
 from garmentc.passes.report import PassReport
 from garmentc.passes.springs import Springs
 from garmentc.rig import Rig
@@ -44,9 +45,12 @@ class ResolveCollisions:
     poses       how many poses to look at
     searched    in how many poses to search all of the skin for what is nearest to a vertex
     anchors     vertices to look at; those between them move with them
-    settling    rounds of bringing edges back to their lengths and pushing out what is too close, in every pose by
-                itself. What all poses have come to is regressed on the keys, and what then still is too close pushed
-                out and regressed again; so many times
+    dynamics    of the cloth that falls,
+    falling     for so many rounds in every pose by itself, while
+    touching    so often it is asked what it touches. What all poses have come to is regressed on the keys
+    settling    then, again and again, so many rounds of bringing edges back to their lengths and pushing out what is
+                too close, in every pose by itself; that is regressed, and what then still is too close pushed out and
+                regressed again
     ridge       how much movement must be worth it, relative to the keys' own size; with less, shapes grow so large that
                 single precision shows at rest
     relaxation  how far a round brings edges back, of the step that would do for an edge alone
@@ -59,10 +63,13 @@ class ResolveCollisions:
 
     clearance: float = CLEARANCE
     bulge: float = 0.005
-    poses: int = 256
+    poses: int = 384
     searched: int = 24
     anchors: int = 3000
-    settling: tuple[int, ...] = (50, 10, 1, 1, 1, 1, 1)
+    dynamics: ClothDynamics = field(default_factory=lambda: ClothDynamics(smoothing=0))
+    falling: int = 60
+    touching: int = 2
+    settling: tuple[int, ...] = (5, 5, 5, 5, 5, 5)
     ridge: float = 0.2
     relaxation: float = 1.2
     smoothing: float = 0.2
@@ -70,17 +77,27 @@ class ResolveCollisions:
 
 
 def resolve_collisions(
-    rig: Rig, options: ResolveCollisions, poses: PoseSet, body: BodyModel, betas: NDArray[Any] | None = None
+    rig: Rig,
+    options: ResolveCollisions,
+    poses: PoseSet,
+    body: BodyModel,
+    betas: NDArray[Any] | None = None,
+    *,
+    start: Rig | None = None,
+    firmness: NDArray[np.float32] | None = None,
 ) -> tuple[Rig, PassReport]:
-    """Add to the blend shapes what keeps vertices out of the body and edges at their lengths, in the poses to fit.
+    """Add to the blend shapes what lets the outfit hang as cloth does, outside the body, in the poses to fit.
 
-    In every pose, vertices get a rest-space displacement that brings the edges they are at back to the lengths of the
-    rest pose, as springs (position-based dynamics, Mueller et al. 2007, averaged over a vertex's edges), and those too
-    close to the skin another that brings them out along its normal, round after round: the skin that the cloth lay over
-    at rest, where a limb has come through. What the cloth has come to is regressed on the keys that the rig already has
-    (ridge least squares, one matrix for all vertices), so nothing is added at run time, and the rest pose stays as it
-    is because keys are 0 there. Regressed after every round, what keys cannot express would be pushed at again and
-    again, and shapes would grow; so poses settle first.
+    start     the same outfit as the networks have it, where passes have bent `rig` since
+    firmness  (N,) how much the skin holds each vertex, from 0 to 1; nowhere if None
+
+    In every pose cloth falls for a moment from where `start` has it (`cloth_dynamics`): edges go back to their lengths,
+    vertices out of the skin that they lay over at rest, and what hangs goes on to hang. What `rig` lacks to that is
+    regressed on the keys that it already has (ridge least squares, one matrix for all vertices), so nothing is added at
+    run time, and the rest pose stays as it is because keys are 0 there. Regressed after every round, what keys cannot
+    express would be pushed at again and again, and shapes would grow; so poses settle first. What the regression
+    leaves in the skin, or stretched, is then brought back in a few more rounds, as springs (position-based dynamics,
+    Mueller et al. 2007, averaged over a vertex's edges).
     A network's keys have few principal combinations; the shapes of those are what is worked on.
     """
     if rig.keys is None or not rig.morph_count:
@@ -90,18 +107,26 @@ def resolve_collisions(
     if not keys.any():  # a bundle of blend weights alone
         return rig, PassReport("resolve collisions", "no pose keys that move")
     anchors = Anchors.of(rig, options.anchors)
+    held = np.zeros(len(anchors.rows)) if firmness is None else firmness[anchors.rows]
     with single_threaded_blas():
         searched = farthest_apart(fit, options.searched)
-        anchored = AnchoredCloth.of(
-            rig, anchors, body, betas, searched=searched, clearance=options.clearance, bulge=options.bulge
+        anchored, started = (
+            AnchoredCloth.of(
+                one, anchors, body, betas, searched=searched, clearance=options.clearance, bulge=options.bulge
+            )
+            for one in (rig, rig if start is None else start)
         )
 
-        def in_poses(block: NDArray[Any]) -> PosedCloth:
-            return anchored.touching(posed_outfit(anchored.part, block), anchored.skin.planes(block))
+        def in_poses(block: NDArray[Any]) -> tuple[PosedCloth, NDArray[np.float32]]:
+            fallen = started.fallen(block, held, options.dynamics, options.falling, options.touching)
+            now = posed_outfit(anchored.part, block)
+            cloth = anchored.touching(PosedVertices(fallen, now.turn), anchored.skin.planes(block))
+            cloth = replace(cloth, posed=now)
+            return cloth, cloth.at_rest(fallen - now.vertices)
 
-        cloth = over_blocks(in_poses, fit, _POSES_AT_ONCE)
+        cloth, ways = zip(*over_blocks(in_poses, fit, _POSES_AT_ONCE), strict=True)
         regression = _Regression.on(keys, options.ridge)
-        shapes = _settled(cloth, anchored.springs, regression, options)
+        shapes = _settled(cloth, ways, anchored.springs, regression, options)
         resolved = replace(
             rig, blend_shapes=_plus(rig.blend_shapes, shapes, regression.axes, anchors), blend_normals=None
         )
@@ -141,13 +166,20 @@ class _Regression:
 
 
 def _settled(
-    cloth: Sequence[PosedCloth], springs: Springs, regression: _Regression, options: ResolveCollisions
+    cloth: Sequence[PosedCloth],
+    ways: Sequence[NDArray[np.float32]],
+    springs: Springs,
+    regression: _Regression,
+    options: ResolveCollisions,
 ) -> NDArray[np.float32]:
-    """Shapes (3, n, r) to add so that the n vertices do all that in the poses of the blocks of `cloth`."""
+    """Shapes (3, n, r) to add so that n vertices go the `ways` (3, n, P), at rest, in the poses of the blocks of
+    `cloth`, and settle there."""
     ends = np.cumsum([block.least.shape[1] for block in cloth])[:-1]
     amounts, weights = (np.split(array, ends) for array in (regression.amounts, regression.weights))
     smoothing = options.smoothing * regression.kept
-    shapes = np.zeros((3, len(cloth[0].least), len(regression.kept)), dtype=np.float32)
+    shapes: NDArray[np.float32] = np.zeros((*ways[0].shape[:2], len(regression.kept)), dtype=np.float32)
+    for way, share in zip(ways, weights, strict=True):
+        shapes += way @ share
 
     def step(
         block: PosedCloth, amounts: NDArray[np.float32], weights: NDArray[np.float32], rounds: int
@@ -157,7 +189,7 @@ def _settled(
         return result
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for rounds in itertools.chain.from_iterable((rounds, 0) for rounds in options.settling):
+        for rounds in (0, *itertools.chain.from_iterable((rounds, 0) for rounds in options.settling)):
             shapes += smoothing * springs.roughness(shapes)
             # Blocks come back in order: threads do not change the sum.
             shapes = sum(pool.map(step, cloth, amounts, weights, itertools.repeat(rounds)), start=shapes)

@@ -1,11 +1,11 @@
-"""Let the cloth of animations settle, frame after frame: what no key of a pose can say."""
+"""Let the cloth of animations fall and settle, frame after frame: what no key of a pose can say."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import repeat
 from typing import Any
 
@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from garmentc.passes.anchored_cloth import AnchoredCloth
 from garmentc.passes.anchors import Anchors
+from garmentc.passes.animated_cloth import AnimatedCloth, Falling, Settling, with_way_in
 from garmentc.passes.blas import single_threaded_blas
 from garmentc.passes.body_contacts import CLEARANCE
 from garmentc.passes.key_reach import key_reach
 from garmentc.passes.part_of_rig import take_vertices
 from garmentc.passes.pose_set import farthest_apart
-from garmentc.passes.posed_skinning import PosedVertices, posed_outfit
+from garmentc.passes.posed_skinning import posed_outfit
 from garmentc.passes.report import PassReport
 from garmentc.resting_layer import with_silent_keys
 from garmentc.rig import Rig
@@ -30,9 +31,6 @@ _FRAMES_AT_ONCE = 64
 _FRAMES_COMPARED = 1024
 """Frames that the shapes are chosen on: more tell nothing new."""
 
-_FIRST_SEARCHES = 4
-"""How often the skin is searched for contacts in an animation's first frame."""
-
 _NOTHING = 1e-6
 """Metres: a shape that moves vertices by less, root mean square, is rounding."""
 
@@ -41,16 +39,12 @@ _VALUES_AT_ONCE = 2_000_000
 
 @dataclass(frozen=True)
 class SettleAnimations:
-    """How the cloth settles, and how much of it is kept.
+    """How the cloth moves, and how much of it is kept.
 
     shapes      blend shapes to add, at most
     tolerance   metres: fewer where what is left out is this much, root mean square
-    clearance, bulge, searched, anchors, relaxation, momentum   as in `ResolveCollisions`
-    rounds      of settling in a second
-    first       rounds in the first frame, before anything is shown
-    smoothing   how far the movement of vertices is brought to that of their neighbours in each frame; keeps cloth from
-                crumpling, and makes fewer shapes do
-    memory      seconds after which cloth goes back to where the pose alone would have it, to 1/e
+    clearance, bulge, searched   as in `ResolveCollisions`
+    falling, settling            see `AnimatedCloth`
     """
 
     shapes: int = 32
@@ -58,13 +52,8 @@ class SettleAnimations:
     clearance: float = CLEARANCE
     bulge: float = 0.005
     searched: int = 24
-    anchors: int = 10_000
-    relaxation: float = 1.2
-    momentum: float = 0.8
-    rounds: float = 450
-    first: int = 100
-    smoothing: float = 0.2
-    memory: float = 1.0
+    falling: Falling = field(default_factory=Falling)
+    settling: Settling = field(default_factory=Settling)
 
 
 def settle_animations(
@@ -76,28 +65,31 @@ def settle_animations(
     body: BodyModel,
     betas: NDArray[Any] | None = None,
 ) -> tuple[Rig, PassReport]:
-    """Add blend shapes and keys of single frames, so that along `motions` the outfit moves as settled cloth.
+    """Add blend shapes and keys of single frames, so that along `motions` the outfit moves as cloth.
 
-    In each frame cloth starts where `start`, the same outfit as the networks have it, has it in that pose, moved as it
-    came to be moved in the frame before: so it keeps where it slid to, and nothing jumps. From there edges go back to
-    their lengths and vertices out of the skin, as in `resolve_collisions`; cloth of `firmness` (N,) 1 is held by the
-    skin. What `rig` lacks to that, over all frames, has few principal shapes (singular value decomposition); those are
-    added, with their amounts as `Rig.animation_keys`. In any other pose their keys are 0.
+    Cloth begins where `start`, the same outfit as the networks have it, has it in the first frame, and then moves as a
+    body of its own (`AnimatedCloth`); cloth of `firmness` (N,) 1 is held by the skin. What `rig` lacks to that, over
+    all frames, has few principal shapes (singular value decomposition); those are added, with their amounts as
+    `Rig.animation_keys`. In any other pose their keys are 0.
     """
     if rig.keys is None or not motions or not options.shapes:
         return rig, PassReport("settle animations", "no animations, or no blend shapes for them")
-    anchors = Anchors.of(rig, options.anchors)
     poses = np.concatenate([motion.poses for motion in motions])
     with single_threaded_blas():
-        searched = farthest_apart(poses, options.searched)
-        cloth = AnchoredCloth.of(
-            start, anchors, body, betas, searched=searched, clearance=options.clearance, bulge=options.bulge
-        )
-        finished, yielding = take_vertices(rig, anchors.rows), 1 - firmness[anchors.rows, None]
+        searched = farthest_apart(np.concatenate([with_way_in(motion).poses for motion in motions]), options.searched)
+
+        def anchored(anchors: Anchors) -> AnchoredCloth:
+            return AnchoredCloth.of(
+                start, anchors, body, betas, searched=searched, clearance=options.clearance, bulge=options.bulge
+            )
+
+        anchors = Anchors.of(rig, options.settling.anchors)
+        cloth = AnimatedCloth.of(start, anchors, anchored, firmness, options.falling, options.settling)
+        finished = take_vertices(rig, anchors.rows)
         lacking = np.empty((len(poses), 3 * len(anchors.rows)), dtype=np.float32)
         parts = np.split(lacking, np.cumsum([len(motion) for motion in motions])[:-1])
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(_settle, parts, motions, *map(repeat, (cloth, finished, yielding, options))))
+            list(pool.map(_fill_in, parts, motions, repeat(cloth), repeat(finished)))
         principal = _Principal.of(lacking, options.shapes, options.tolerance)
         keys = np.concatenate([rig.pose_keys(np.asarray(poses, np.float64)), principal.amounts], axis=1)
     moved, left = 1000 * principal.moved, 1000 * principal.left
@@ -114,42 +106,14 @@ def settle_animations(
     return settled, PassReport("settle animations", f"{detail}, {left:.1f} mm short of settled")
 
 
-def _settle(
-    lacking: NDArray[np.float32],
-    motion: Motion,
-    cloth: AnchoredCloth,
-    finished: Rig,
-    yielding: NDArray[np.float32],
-    options: SettleAnimations,
-) -> None:
-    """Fill in what anchors `finished` by the passes lack at rest in each frame to be where `cloth` settles, (T, 3n).
-
-    yielding  (n, 1) 0 where the skin holds the cloth
-    """
-    kept = np.float32(np.exp(-1 / (motion.fps * options.memory)))
-    relaxation = options.relaxation * yielding
-    rounds = [options.first // _FIRST_SEARCHES] * _FIRST_SEARCHES
-    moved = np.zeros((3, len(cloth.wanted), 1), dtype=np.float32)
+def _fill_in(lacking: NDArray[np.float32], motion: Motion, cloth: AnimatedCloth, finished: Rig) -> None:
+    """Fill in what anchors `finished` by the passes lack at rest in each frame to be where the cloth is, (T, 3n)."""
+    frames = cloth.along(motion)
     for begin in range(0, len(motion), _FRAMES_AT_ONCE):
-        poses = motion.poses[begin : begin + _FRAMES_AT_ONCE]
-        before, after = posed_outfit(cloth.part, poses), posed_outfit(finished, poses)
-        planes = cloth.skin.planes(poses)
-        settled = np.empty_like(before.vertices)
-        for frame in range(len(poses)):
-            now, skin = before.pose(frame), planes.pose(frame)
-            vertices = now.vertices + kept * now.turned(moved)
-            for count in rounds:
-                contact = cloth.touching(PosedVertices(vertices, now.turn), skin)
-                vertices = contact.settled(vertices, cloth.springs, count, relaxation, options.momentum)
-            way = vertices - now.vertices
-            way += options.smoothing * cloth.springs.roughness(way)
-            vertices = now.vertices + way
-            vertices += contact.way_out(vertices)
-            # Not the inverse: what moved where skinning all but collapses cloth must not be larger where it does not.
-            moved = now.turned_back(vertices - now.vertices)
-            settled[:, :, frame] = vertices[:, :, 0]
-            rounds = [max(1, round(options.rounds / motion.fps))]
-        lacking[begin : begin + len(poses)] = after.at_rest(settled - after.vertices).reshape(-1, len(poses)).T
+        after = posed_outfit(finished, motion.poses[begin : begin + _FRAMES_AT_ONCE])
+        settled = np.stack([next(frames) for _ in range(after.vertices.shape[2])], axis=2)
+        way = after.at_rest(settled - after.vertices)
+        lacking[begin : begin + len(settled.T)] = way.reshape(-1, way.shape[2]).T
 
 
 @dataclass(frozen=True)

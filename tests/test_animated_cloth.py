@@ -1,0 +1,146 @@
+"""Cloth along motions of all kinds: slow and fast frames, cuts, single poses, meshes of any fineness."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from worn import BODY, skirt, trousers
+
+from garmentc.families.held_cloth import held_cloth
+from garmentc.outfit.topology import edges
+from garmentc.passes.anchored_cloth import AnchoredCloth
+from garmentc.passes.anchors import Anchors
+from garmentc.passes.animated_cloth import AnimatedCloth, Falling, Settling, with_way_in
+from garmentc.rig import Rig
+from garmentc.smpl.motion import Motion
+from garmentc.smpl.nearest import nearest_body_weights, signed_distance
+from garmentc.smpl.pose_sampler import sample_poses
+from garmentc.smpl.rotations import axis_angle_to_matrix
+from garmentc.smpl.skeleton import JOINT_NAMES
+
+
+def still(frames: int, fps: float = 30.0, trans: np.ndarray | None = None) -> Motion:
+    return Motion("still", np.zeros((frames, 24, 3)), np.zeros((frames, 3)) if trans is None else trans, fps)
+
+
+def walk(frames: int, fps: float) -> Motion:
+    start, end = sample_poses(2, 3)
+    share = np.linspace(0, 1, frames)[:, None, None]
+    return Motion("walk", (1 - share) * start + share * end, np.zeros((frames, 3)), fps)
+
+
+@pytest.fixture(scope="module")
+def worn() -> tuple[Rig, np.ndarray]:
+    """A skirt that moves with the pelvis and the thighs, and how firmly it is held."""
+    template, triangles = skirt()
+    rig = replace(
+        trousers(),
+        template=template,
+        triangles=triangles.astype(np.int32),
+        weights=nearest_body_weights(template, BODY.shaped(), BODY).astype(np.float32),
+        blend_shapes=np.zeros((48, len(template), 3), np.float32),
+    )
+    return rig, held_cloth(template, edges(triangles), BODY).firmness
+
+
+def animated(rig: Rig, firmness: np.ndarray, poses: np.ndarray, falling: Falling | None = None) -> AnimatedCloth:
+    def anchored(anchors: Anchors) -> AnchoredCloth:
+        return AnchoredCloth.of(rig, anchors, BODY, None, searched=poses, clearance=0.005, bulge=0.005)
+
+    settling = Settling()
+    return AnimatedCloth.of(rig, Anchors.of(rig, settling.anchors), anchored, firmness, falling or Falling(), settling)
+
+
+def played(worn: tuple[Rig, np.ndarray], motion: Motion, falling: Falling | None = None) -> np.ndarray:
+    """Vertices (T, N, 3) without translation."""
+    cloth = animated(*worn, np.concatenate([with_way_in(motion).poses[::8], motion.poses[-1:]]), falling)
+    return np.array(list(cloth.along(motion))).transpose(0, 2, 1)
+
+
+def test_a_skirt_hangs_down_on_a_leaning_body(worn: tuple[Rig, np.ndarray]) -> None:
+    """Skinning keeps its back away from the legs, which are beneath it now. Its weight lays it down on them."""
+    lean = np.zeros((24, 3))
+    lean[0, 0] = np.radians(50)  # forwards
+    motion = replace(still(20), poses=np.repeat(lean[None], 20, axis=0))
+    rig, firmness = worn
+    posed = rig.posed(lean)
+    down = played(worn, motion)[-1]
+    low, behind = rig.template[:, 1] < rig.template[:, 1].min() + 0.1, rig.template[:, 2] < -0.15
+    assert (low & behind).sum() > 20
+    assert down[low & behind, 1].mean() < posed[low & behind, 1].mean() - 0.04
+    assert np.linalg.norm(down - posed, axis=1)[firmness > 0.99].max() < 1e-3
+    assert (signed_distance(down, BODY.posed(lean), BODY.faces) < -0.001).mean() < 0.01
+
+
+def test_where_a_body_stands_means_nothing(worn: tuple[Rig, np.ndarray]) -> None:
+    motion = walk(12, 30.0)
+    there = replace(motion, trans=np.repeat([[50.0, 3.0, -20.0]], 12, axis=0))
+    assert np.abs(played(worn, motion) - played(worn, there)).max() < 5e-3
+
+
+def test_a_body_that_speeds_up_leaves_its_skirt_behind(worn: tuple[Rig, np.ndarray]) -> None:
+    x = 0.5 * 6.0 * (np.arange(15) / 30) ** 2  # 6 m/s2 to the left
+    trans = np.column_stack([x, 0 * x, 0 * x])
+    way = played(worn, still(15, trans=trans)) - played(worn, still(15))
+    assert way[-1, worn[1] < 0.01, 0].mean() < -0.01
+    assert np.abs(way[-1, worn[1] > 0.99, 0]).max() < 1e-3
+
+
+def test_a_cut_starts_anew(worn: tuple[Rig, np.ndarray]) -> None:
+    """The body is somewhere else at once: cloth must not be torn along."""
+    trans = np.zeros((10, 3))
+    trans[5:, 0] = 100.0
+    jumped = played(worn, still(10, trans=trans))
+    assert np.abs(jumped - played(worn, still(10))).max() < 0.02
+
+
+def test_frame_rates_are_sampled_from_one_movement(worn: tuple[Rig, np.ndarray]) -> None:
+    """Ten frames a second are too few to simulate, so frames are put between."""
+    ends = [played(worn, walk(frames, fps)) for frames, fps in ((10, 10.0), (28, 30.0), (55, 60.0))]
+    assert [len(end) for end in ends] == [10, 28, 55]
+    moved = np.linalg.norm(ends[1][-1] - ends[1][0], axis=-1).mean()
+    for end in ends:
+        assert np.linalg.norm(end[-1] - ends[1][-1], axis=-1).mean() < 0.1 * moved
+
+
+def test_frames_of_a_pose_library_are_poses_by_themselves(worn: tuple[Rig, np.ndarray]) -> None:
+    poses = sample_poses(3, 8)
+    motion = Motion("poses", poses, np.zeros((3, 3)), 1.0)
+    assert len(with_way_in(motion)) == 3
+    cloth = animated(*worn, poses)
+    together = list(cloth.along(motion))
+    alone = [next(cloth.along(motion.clipped(k, k + 1))) for k in range(3)]
+    np.testing.assert_allclose(together, alone, atol=1e-6)
+
+
+def test_the_way_in_keeps_the_heading() -> None:
+    root = np.array([0.0, 2.0, 0.0])
+    pose = np.zeros((24, 3))
+    pose[0], pose[JOINT_NAMES.index("left_knee"), 0] = root, 0.5
+    whole = with_way_in(Motion("turned", np.repeat(pose[None], 5, axis=0), np.ones((5, 3)), 30.0))
+    lead = whole.poses[:-5]
+    assert len(lead) == 38
+    turned = axis_angle_to_matrix(lead[:, 0])
+    np.testing.assert_allclose(turned, np.repeat(axis_angle_to_matrix(root)[None], len(lead), axis=0), atol=1e-9)
+    np.testing.assert_allclose(lead[0, 1:], 0, atol=1e-9)
+    np.testing.assert_allclose(lead[-1], pose, atol=1e-9)
+    np.testing.assert_array_equal(whole.trans, 1)
+
+
+def test_what_is_fine_goes_with_what_falls(worn: tuple[Rig, np.ndarray]) -> None:
+    motion = walk(12, 30.0)
+    whole, some = (played(worn, motion, Falling(anchors=count)) for count in (4000, 250))
+    assert worn[0].vertex_count > 500
+    moved = np.linalg.norm(whole - worn[0].posed(motion.poses), axis=-1).mean()
+    assert np.linalg.norm(some - whole, axis=-1).mean() < 0.4 * moved
+
+
+def test_cloth_that_nothing_bears_does_not_fall(worn: tuple[Rig, np.ndarray]) -> None:
+    rig, firmness = worn
+    weights = np.zeros_like(rig.weights)
+    weights[:, 0] = 1
+    apart = replace(rig, template=rig.template + np.array([0, 0, 3.0]), weights=weights)
+    still_there = played((apart, np.zeros_like(firmness)), still(10))
+    assert np.abs(still_there - apart.template).max() < 1e-4
