@@ -60,7 +60,7 @@ class Profile:
 
 PROFILES: dict[ProfileName, Profile] = {
     "mobile": Profile(influences=4, morphs=8, animation_morphs=0, quantize=True, sparse="auto"),
-    "web": Profile(influences=4, morphs=32, animation_morphs=32, quantize=True, sparse="auto"),
+    "web": Profile(influences=4, morphs=32, animation_morphs=64, quantize=True, sparse="auto"),
     "desktop": Profile(influences=8, morphs=64, animation_morphs=64, quantize=False, sparse="auto"),
     "reference": Profile(influences=8, morphs=None, animation_morphs=0, quantize=False, sparse="never"),
 }

@@ -162,20 +162,19 @@ class AnimatedCloth:
 
     def _settle(self, pose: NDArray[Any], moved: _Floats) -> _Floats:
         """Where all anchors are (3, n) in `pose` (1, 24, 3) when those that fall have `moved` (3, m, 1) at rest."""
-        if self.settles is None:
-            now = posed_outfit(self.falls.part, pose)
-            vertices: _Floats = now.vertices + now.turned(moved)
-            return vertices[:, :, 0]
-        now = posed_outfit(self.settles.part, pose)
-        vertices = now.vertices + now.turned((self.carried @ moved[:, :, 0].T).T[:, :, None])
-        contact = self.settles.touching(PosedVertices(vertices, now.turn), self.settles.skin.planes(pose))
-        relaxation = self.settling.relaxation * self.yielding
-        springs = self.settles.springs
-        vertices = contact.settled(vertices, springs, self.settling.rounds, relaxation, self.settling.momentum)
-        way = vertices - now.vertices
-        way += self.settling.smoothing * springs.roughness(way)
-        vertices = now.vertices + way
-        return (vertices + contact.way_out(vertices))[:, :, 0]
+        cloth = self.falls if self.settles is None else self.settles
+        now = posed_outfit(cloth.part, pose)
+        way = moved if self.settles is None else (self.carried @ moved[:, :, 0].T).T[:, :, None]
+        vertices = now.vertices + now.turned(way)
+        contact = cloth.touching(PosedVertices(vertices, now.turn), cloth.skin.planes(pose))
+        if self.settles is not None:
+            relaxation, momentum = self.settling.relaxation * self.yielding, self.settling.momentum
+            vertices = contact.settled(vertices, cloth.springs, self.settling.rounds, relaxation, momentum)
+            vertices += self.settling.smoothing * cloth.springs.roughness(vertices - now.vertices)
+        # The skin that was nearest when the frame began may not be any more.
+        vertices += contact.way_out(vertices)
+        result: _Floats = vertices[:, :, 0]
+        return result
 
 
 def with_way_in(motion: Motion) -> Motion:

@@ -117,7 +117,8 @@ def advanced(
         pull = springs.pull(ahead.reshape(shape)).reshape(3, -1)
         pull *= stiffness
         ahead += pull
-        least += rises
+        if slid is not None:
+            least += rises
         lacking = least - np.einsum("ik,ik->k", normals, ahead)
         touching = np.flatnonzero(lacking > 0)
         out, press = np.take(normals, touching, axis=1), lacking[touching]

@@ -108,29 +108,33 @@ def resolve_collisions(
         return rig, PassReport("resolve collisions", "no pose keys that move")
     anchors = Anchors.of(rig, options.anchors)
     held = np.zeros(len(anchors.rows)) if firmness is None else firmness[anchors.rows]
+    part = take_vertices(rig, anchors.rows)
     with single_threaded_blas():
         searched = farthest_apart(fit, options.searched)
-        anchored, started = (
-            AnchoredCloth.of(
-                one, anchors, body, betas, searched=searched, clearance=options.clearance, bulge=options.bulge
-            )
-            for one in (rig, rig if start is None else start)
+        falling = AnchoredCloth.of(
+            rig if start is None else start,
+            anchors,
+            body,
+            betas,
+            searched=searched,
+            clearance=options.clearance,
+            bulge=options.bulge,
         )
 
         def in_poses(block: NDArray[Any]) -> tuple[PosedCloth, NDArray[np.float32]]:
-            fallen = started.fallen(block, held, options.dynamics, options.falling, options.touching)
-            now = posed_outfit(anchored.part, block)
-            cloth = anchored.touching(PosedVertices(fallen, now.turn), anchored.skin.planes(block))
+            fallen = falling.fallen(block, held, options.dynamics, options.falling, options.touching)
+            now = posed_outfit(part, block)
+            cloth = falling.touching(PosedVertices(fallen, now.turn), falling.skin.planes(block))
             cloth = replace(cloth, posed=now)
             return cloth, cloth.at_rest(fallen - now.vertices)
 
         cloth, ways = zip(*over_blocks(in_poses, fit, _POSES_AT_ONCE), strict=True)
         regression = _Regression.on(keys, options.ridge)
-        shapes = _settled(cloth, ways, anchored.springs, regression, options)
+        shapes = _settled(cloth, ways, falling.springs, regression, options)
         resolved = replace(
             rig, blend_shapes=_plus(rig.blend_shapes, shapes, regression.axes, anchors), blend_normals=None
         )
-        both = side_by_side(anchored.part, take_vertices(resolved, anchors.rows))
+        both = side_by_side(part, take_vertices(resolved, anchors.rows))
         inside = find_clearance(both, body, betas, poses.check[:_CHECKED]) < 0
     before, after = (100 * float(half.mean()) for half in np.split(inside, 2, axis=1))
     moved = posed_error(rig, resolved, poses.check)
