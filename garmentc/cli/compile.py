@@ -46,7 +46,7 @@ def _choice(flag: str, literal: Any, description: str) -> Callable[[Any], Any]:
     "--animation-morphs",
     type=click.IntRange(min=0),
     metavar="N",
-    help="Morph targets more, at most, that let the cloth of the animations settle.",
+    help="Morph targets more, at most, that let cloth fall along the animations.",
 )
 @click.option("--morph-tolerance", type=Length(), metavar="0.5mm", help="Keep as few morphs as hold this error.")
 @click.option("--quantize/--no-quantize", default=None, help="Integer instead of float vertex attributes.")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.outfit.topology import edges, vertex_normals
+from garmentc.outfit.topology import vertex_normals
 from garmentc.passes.part_of_rig import spread_vertices
 from garmentc.passes.pieces import layers
 from garmentc.rig import Rig
@@ -37,7 +37,8 @@ class Anchors:
     def of(cls, rig: Rig, most: int) -> Anchors:
         template = rig.template.astype(np.float64)
         normals = _NORMAL_REACH * vertex_normals(template, rig.triangles)
-        layer = _LAYER_REACH * layers(template, edges(rig.triangles)).astype(np.float64)
+        joined = np.concatenate([rig.triangles[:, :2], rig.triangles[:, 1:]])
+        layer = _LAYER_REACH * layers(template, joined).astype(np.float64)
         return cls(spread_vertices(rig.vertex_count, most), np.column_stack([template, normals, layer]))
 
     @property

@@ -134,29 +134,32 @@ class AnimatedCloth:
             posed, skin = posed_outfit(self.falls.part, poses), self.falls.skin.planes(poses)
             for number in range(len(poses)):
                 frame, now = begin + number, posed.pose(number)
+                gone = motion.trans[frame] - motion.trans[frame - 1]
                 if last is not None:
-                    last = last.seen_from(motion.trans[frame] - motion.trans[frame - 1])
+                    last = last.seen_from(gone)
                     if last.is_cut_from(now.vertices, 1 / motion.fps):
                         last = None
-                cloth = self._begun(poses[number : number + 1]) if last is None else last.cloth
-                if last is not None:
-                    cloth = self._advanced(last, now.vertices, skin.pose(number), 1 / motion.fps)
+                if last is None:
+                    cloth = self._begun(poses[number : number + 1], _to_next(motion, frame), 1 / motion.fps)
+                else:
+                    cloth = self._advanced(last, now.vertices, skin.pose(number), gone, 1 / motion.fps)
                 last = _Frame(cloth, now.vertices, skin.pose(number))
                 yield frame, now.at_rest(cloth.vertices - now.vertices)
 
-    def _begun(self, pose: NDArray[Any]) -> MovingCloth:
-        """The cloth in the first frame, in `pose` (1, 24, 3)."""
+    def _begun(self, pose: NDArray[Any], ahead: NDArray[Any], seconds: float) -> MovingCloth:
+        """The cloth in `pose` (1, 24, 3), with the speed of a body that goes `ahead` (3,) metres in so many seconds."""
         falling = self.falling
         start = self.falls.fallen(pose, self.firmness[:, 0], falling.dynamics, falling.first, falling.touching)
-        return MovingCloth(start, np.zeros_like(start))
+        step = ahead / falling.dynamics.rounds(self.falls.springs, seconds)
+        return MovingCloth(start, np.broadcast_to(step.astype(np.float32)[:, None, None], start.shape))
 
-    def _advanced(self, last: _Frame, posed: _Floats, skin: Planes, seconds: float) -> MovingCloth:
-        """The cloth a frame later, when the pose alone would have it at `posed` (3, m, 1)."""
+    def _advanced(self, last: _Frame, posed: _Floats, skin: Planes, gone: NDArray[Any], seconds: float) -> MovingCloth:
+        """The cloth a frame later: the pose alone would have it at `posed` (3, m, 1), and the body has `gone` (3,)."""
         dynamics, springs = self.falling.dynamics, self.falls.springs
         path = self.falls.path(last.cloth.vertices, last.skin, skin)
         held, borne = (self.firmness, last.posed, posed), self.falls.borne(path, self.firmness[:, 0])
         rounds = dynamics.rounds(springs, seconds)
-        cloth = advanced(last.cloth, springs, self.falls.overlaps, path, held, borne, dynamics, seconds, rounds)
+        cloth = advanced(last.cloth, springs, self.falls.overlaps, path, held, borne, dynamics, seconds, rounds, gone)
         forgotten = np.float32(-np.expm1(-seconds / self.falling.memory))
         return MovingCloth(cloth.vertices + forgotten * (posed - cloth.vertices), cloth.step)
 
@@ -178,7 +181,9 @@ class AnimatedCloth:
 
 
 def with_way_in(motion: Motion) -> Motion:
-    """The motion after a way in from the pose at rest, in its first heading: cloth must not begin with a jump.
+    """The motion after a way in from the pose at rest, in its first heading and at its first speed.
+
+    Cloth must not begin with a jump.
 
     Poses by themselves get none.
     """
@@ -195,8 +200,15 @@ def with_way_in(motion: Motion) -> Motion:
         np.broadcast_to(axis_angle_to_quaternion(pose), (len(share), len(first), 4)) for pose in (rest, first)
     )
     poses = quaternion_to_axis_angle(slerp(start, end, np.broadcast_to(share[:, None], start.shape[:2])))
-    trans = np.broadcast_to(motion.trans[0], (len(share), 3))
+    step = _to_next(motion, 0)
+    trans = motion.trans[0] + np.arange(-len(share), 0)[:, None] * step
     return replace(motion, poses=np.concatenate([poses, motion.poses]), trans=np.concatenate([trans, motion.trans]))
+
+
+def _to_next(motion: Motion, frame: int) -> NDArray[np.float64]:
+    """Metres (3,) from one frame to the next; none from the last, and where the motion is cut."""
+    way = np.asarray(motion.trans[min(frame + 1, len(motion) - 1)] - motion.trans[frame], np.float64)
+    return way if np.linalg.norm(way) <= _FASTEST / motion.fps else np.zeros(3)
 
 
 @dataclass(frozen=True)

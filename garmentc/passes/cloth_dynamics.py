@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ class ClothDynamics:
     wave_speed  m/s: how fast stretch travels, the root of stiffness over weight. Simulated fabrics have 25 m/s too (see
                 simulation settings); cloth of any weight hangs alike then, a metre stretched by less than two per cent
     friction    Coulomb coefficient against the skin
-    damping     seconds in which velocities fall to 1/e
+    damping     seconds in which velocities fall to 1/e, as the air sees them, which goes with the body
     smoothing   how far velocities are brought to those of the vertices around in each round: where skin moves, contacts
                 make cloth tremble without it, and what trembles slides
     most        rounds a second: edges so short that they would need more get softer
@@ -81,11 +82,13 @@ def advanced(
     dynamics: ClothDynamics,
     seconds: float,
     rounds: int,
+    drift: NDArray[Any] | None = None,
 ) -> MovingCloth:
     """The cloth some time later, in `rounds` equal steps of position-based dynamics, one iteration each.
 
     overlaps  what lies over what: it stays there, along the normal of the skin below, and does not press on it
     held      how firmly the skin holds each vertex, (n, 1) from 0 to 1, and where at the start and end, (3, n, P)
+    drift     (3,) metres that the air goes meanwhile, with the body; velocities are damped to its own. None: none
     borne     (n, P) whether anything bears the weight of what a vertex belongs to; what nothing bears does not fall
 
     Many small steps converge faster than many iterations of a long one (Macklin et al. 2019, "Small steps in physics
@@ -100,6 +103,7 @@ def advanced(
     fall = np.float32(_GRAVITY * time**2) * borne.reshape(-1).astype(np.float32)
     kept, smoothing = np.float32(np.exp(-time / dynamics.damping)), np.float32(dynamics.smoothing)
     friction = np.float32(dynamics.friction)
+    wind = None if drift is None else ((1 - kept) / rounds * drift[:, None]).astype(np.float32)
     normals = skin.normals.reshape(3, -1)
     nowhere = ~normals.any(axis=0)
     least, rises = skin.before.reshape(-1).copy(), (skin.after - skin.before).reshape(-1) / np.float32(rounds)
@@ -146,5 +150,7 @@ def advanced(
             rough *= smoothing
             step += rough
         step *= kept
+        if wind is not None:
+            step += wind
         now = ahead
     return MovingCloth(now.reshape(shape), step.reshape(shape))
