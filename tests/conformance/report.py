@@ -29,7 +29,7 @@ def unit(engine: str) -> str:
 
 def length(error: float, unit: str) -> str:
     """Two digits, without the unit where it is micrometres."""
-    return f"{error:.1f} px" if unit == "px" else f"{error * MICROMETRES:.2g}"
+    return f"{error:.1f} px" if unit == "px" else f"{float(f'{error * MICROMETRES:.2g}'):g}"
 
 
 def shown(cell: Cell, unit: str) -> str:
