@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from garmentc.emission import file_meshes
 from garmentc.layer import Dressed, Layer
@@ -23,6 +24,7 @@ from garmentc.passes.quantize import Quantize, quantize
 from garmentc.passes.reduce_blend_shapes import ReduceBlendShapes, reduce_blend_shapes
 from garmentc.passes.report import PassReport
 from garmentc.passes.resolve_collisions import ResolveCollisions, resolve_collisions
+from garmentc.passes.rigid_pieces import rigid_pieces
 from garmentc.passes.settle_animations import SettleAnimations, settle_animations
 from garmentc.rig import Rig
 
@@ -50,16 +52,23 @@ def passes(inferred: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Pa
         clinging, _ = follow_skin(inferred, CLINGING, poses, body, betas)
         return limit_influences(clinging, influences, poses)[0]
 
+    @cache
+    def firmness(poses: PoseSet) -> NDArray[np.float32]:
+        """What does not fall: what the skin holds, and what is no cloth."""
+        return np.maximum(cloth.firmness, rigid_pieces(start(poses), poses))
+
     steps: list[Pass] = [
         lambda rig, poses: follow_skin(rig, FollowSkin(), poses, body, betas),
         lambda rig, poses: limit_influences(rig, influences, poses),
         # Needs the final weights, and works best with all keys that the network has.
         lambda rig, poses: resolve_collisions(
-            rig, ResolveCollisions(), poses, body, betas, start=start(poses), firmness=cloth.firmness
+            rig, ResolveCollisions(), poses, body, betas, start=start(poses), firmness=firmness(poses)
         ),
         lambda rig, poses: reduce_blend_shapes(rig, reduction, poses),
         # Makes up for what the reduction has left out, too.
-        lambda rig, poses: settle_animations(rig, start(poses), settling, dressed.motions, cloth.firmness, body, betas),
+        lambda rig, poses: settle_animations(
+            rig, start(poses), settling, dressed.motions, firmness(poses), body, betas
+        ),
         # Copies what all passes before have made of the cloth above.
         lambda rig, poses: keep_tucked(
             rig, KeepTucked(influences=settings.influences), poses, cloth.held > 0, body, betas

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from garmentc.outfit.topology import edges
 from garmentc.passes.anchors import Anchors
-from garmentc.passes.body_contacts import Planes, wanted_clearance
+from garmentc.passes.body_contacts import REACH, Planes, wanted_clearance
 from garmentc.passes.bulging import Bulging
 from garmentc.passes.cloth_dynamics import ClothDynamics, MovingCloth, SkinPath, advanced
 from garmentc.passes.nearby_skin import NearbySkin
@@ -90,12 +90,14 @@ class AnchoredCloth:
         low, high = (height + np.einsum("inp,inp->np", normals, centers) for centers in (start, end))
         return SkinPath(normals, low, high, end - start)
 
-    def borne(self, skin: SkinPath, firmness: NDArray[Any]) -> NDArray[np.bool_]:
-        """Whether the skin touches or holds anything of the piece that each anchor belongs to, (n, P).
+    def borne(self, vertices: NDArray[np.float32], skin: SkinPath, firmness: NDArray[Any]) -> NDArray[np.bool_]:
+        """Whether the skin bears or holds anything of the piece that each anchor at `vertices` belongs to, (n, P).
 
         firmness  (n,) how much it holds each
         """
-        return self.pieces.any(skin.normals.any(axis=0) | (firmness[:, None] > 0))
+        away = np.einsum("inp,inp->np", skin.normals, vertices) - skin.before
+        touching = skin.normals.any(axis=0) & (away < REACH)
+        return self.pieces.any(touching | (firmness[:, None] > 0))
 
     def fallen(
         self, poses: NDArray[Any], firmness: NDArray[Any], dynamics: ClothDynamics, rounds: int, touching: int
@@ -111,6 +113,6 @@ class AnchoredCloth:
             contact = self.touching(PosedVertices(cloth.vertices, start.turn), planes)
             skin = SkinPath(contact.normals, contact.least, contact.least)
             time = some * dynamics.round_time(self.springs)
-            borne = self.borne(skin, firmness)
+            borne = self.borne(cloth.vertices, skin, firmness)
             cloth = advanced(cloth, self.springs, self.overlaps, skin, held, borne, dynamics, time, some)
         return cloth.vertices

@@ -157,7 +157,8 @@ class AnimatedCloth:
         """The cloth a frame later: the pose alone would have it at `posed` (3, m, 1), and the body has `gone` (3,)."""
         dynamics, springs = self.falling.dynamics, self.falls.springs
         path = self.falls.path(last.cloth.vertices, last.skin, skin)
-        held, borne = (self.firmness, last.posed, posed), self.falls.borne(path, self.firmness[:, 0])
+        held = self.firmness, last.posed, posed
+        borne = self.falls.borne(last.cloth.vertices, path, self.firmness[:, 0])
         rounds = dynamics.rounds(springs, seconds)
         cloth = advanced(last.cloth, springs, self.falls.overlaps, path, held, borne, dynamics, seconds, rounds, gone)
         forgotten = np.float32(-np.expm1(-seconds / self.falling.memory))
@@ -183,9 +184,7 @@ class AnimatedCloth:
 def with_way_in(motion: Motion) -> Motion:
     """The motion after a way in from the pose at rest, in its first heading and at its first speed.
 
-    Cloth must not begin with a jump.
-
-    Poses by themselves get none.
+    Cloth must not begin with a jump. Poses by themselves get none.
     """
     if motion.fps < _POSES_ALONE:
         return motion
