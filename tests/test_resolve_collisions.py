@@ -67,7 +67,7 @@ def test_a_shin_that_sinks_in_as_a_whole_comes_out_as_a_whole(garment: Rig) -> N
     before = collided(lazy, poses)
     assert before > 0.03
     assert collided(rig, poses) < 0.3 * before
-    assert stretch(rig, poses) < stretch(lazy, poses) + 0.24
+    assert stretch(rig, poses) < stretch(lazy, poses) + 0.26
 
 
 def test_skin_does_not_bulge_out_between_the_vertices_of_coarse_cloth() -> None:

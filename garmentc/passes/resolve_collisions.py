@@ -69,7 +69,7 @@ class ResolveCollisions:
     dynamics: ClothDynamics = field(default_factory=lambda: ClothDynamics(smoothing=0))
     falling: int = 60
     touching: int = 2
-    settling: tuple[int, ...] = (5, 5, 5, 5, 5, 1, 1, 1)
+    settling: tuple[int, ...] = (5, 5, 5, 5, 5, 2, 2, 2)
     ridge: float = 0.2
     relaxation: float = 1.2
     smoothing: float = 0.2
