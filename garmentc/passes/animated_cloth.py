@@ -17,6 +17,7 @@ from garmentc.passes.posed_skinning import PosedVertices, posed_outfit
 from garmentc.rig import Rig
 from garmentc.smpl.motion import Motion
 from garmentc.smpl.rotations import axis_angle_to_matrix, axis_angle_to_quaternion, quaternion_to_axis_angle, slerp
+from garmentc.smpl.skeleton import JOINT_COUNT
 
 _Floats = NDArray[np.float32]
 
@@ -30,6 +31,12 @@ _POSES_ALONE = 6.0
 
 _WAY_IN, _PAUSE = 1.0, 0.25
 """Seconds in which the body comes from its pose at rest to the first one, and stays there, before anything is shown."""
+
+_STAYS = 0.05
+"""Metres that cloth sags at rest until it has found its place; what goes twice as far is falling off."""
+
+_MOST_AT_REST = 6000
+"""Rounds: more for edges so short that a second would take more."""
 
 _FASTEST = 15.0
 """m/s: where a whole outfit goes faster from one frame to the next, the motion has been cut there."""
@@ -109,10 +116,12 @@ class AnimatedCloth:
         count = min(falling.anchors, round(len(anchors.rows) * min(1.0, closeness**2)))
         yielding = 1 - firmness[anchors.rows, None]
         if count >= len(anchors.rows):
-            return cls(settles, 1 - yielding, None, yielding, None, falling, settling)
+            return cls(settles, _held(settles, 1 - yielding, falling), None, yielding, None, falling, settling)
         coarse = Anchors.of(rig, max(1, count))
         carried = vstack([block for _, block in coarse.interpolators(rig.vertex_count)], "csr")[anchors.rows]
-        return cls(anchored(coarse), firmness[coarse.rows, None], settles, yielding, carried, falling, settling)
+        falls = anchored(coarse)
+        held = _held(falls, firmness[coarse.rows, None], falling)
+        return cls(falls, held, settles, yielding, carried, falling, settling)
 
     def along(self, motion: Motion) -> Iterator[_Floats]:
         """Where the anchors are in each frame of `motion`, (3, n), without its translation."""
@@ -179,6 +188,20 @@ class AnimatedCloth:
         vertices += contact.way_out(vertices)
         result: _Floats = vertices[:, :, 0]
         return result
+
+
+def _held(cloth: AnchoredCloth, firmness: _Floats, falling: Falling) -> _Floats:
+    """Firmness (m, 1), with what something else holds that nobody has told of: buttons, straps, elastic.
+
+    An outfit hangs at rest as its author has it. What falls off a body that just stands there must be held.
+    """
+    rest, second = np.zeros((1, JOINT_COUNT, 3)), round(1 / falling.dynamics.round_time(cloth.springs))
+    rounds = min(second, _MOST_AT_REST)
+    fallen = cloth.fallen(rest, firmness[:, 0], falling.dynamics, rounds, 30)
+    way = np.linalg.norm(fallen[:, :, 0] - cloth.part.template.T, axis=0)[:, None]
+    falls_off = np.clip((way - _STAYS) / _STAYS, 0, 1)
+    held: _Floats = np.maximum(firmness, falls_off).astype(np.float32)
+    return held
 
 
 def with_way_in(motion: Motion) -> Motion:
