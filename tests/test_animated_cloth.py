@@ -74,6 +74,16 @@ def test_a_skirt_hangs_down_on_a_leaning_body(worn: tuple[Rig, np.ndarray]) -> N
     assert (signed_distance(down, BODY.posed(lean), BODY.faces) < -0.001).mean() < 0.01
 
 
+def test_what_would_fall_off_a_body_that_just_stands_is_held(worn: tuple[Rig, np.ndarray]) -> None:
+    """Nobody has said that the skirt's waistband holds it."""
+    rig, firmness = worn
+    motion, unknown = walk(12, 30.0), (rig, np.zeros_like(firmness))
+    posed = rig.posed(motion.poses)
+    held, lost = (played(unknown, motion, Falling(stays=stays)) - posed for stays in (0.05, np.inf))
+    assert lost[:, :, 1].mean() < -0.1
+    assert abs(held[:, :, 1].mean()) < 0.02
+
+
 def test_where_a_body_stands_means_nothing(worn: tuple[Rig, np.ndarray]) -> None:
     motion = walk(12, 30.0)
     there = replace(motion, trans=np.repeat([[50.0, 3.0, -20.0]], 12, axis=0))

@@ -32,9 +32,6 @@ _POSES_ALONE = 6.0
 _WAY_IN, _PAUSE = 1.0, 0.25
 """Seconds in which the body comes from its pose at rest to the first one, and stays there, before anything is shown."""
 
-_STAYS = 0.05
-"""Metres that cloth sags at rest until it has found its place; what goes twice as far is falling off."""
-
 _MOST_AT_REST = 6000
 """Rounds: more for edges so short that a second would take more."""
 
@@ -50,6 +47,8 @@ class Falling:
     apart     metres between them, at least: closer ones would need more rounds to be as stiff
     memory    seconds after which cloth goes back to where the pose alone would have it, to 1/e: what has slid off comes
               back
+    stays     metres that cloth sags in a second at rest until it has found its place; what goes twice as far is falling
+              off, and something must hold it
     first     rounds of falling at rest, the body still, before anything is shown,
     touching  in which it is asked so often what the cloth touches
     """
@@ -58,6 +57,7 @@ class Falling:
     apart: float = 0.02
     dynamics: ClothDynamics = field(default_factory=ClothDynamics)
     memory: float = 4.0
+    stays: float = 0.05
     first: int = 240
     touching: int = 6
 
@@ -199,7 +199,7 @@ def _held(cloth: AnchoredCloth, firmness: _Floats, falling: Falling) -> _Floats:
     rounds = min(second, _MOST_AT_REST)
     fallen = cloth.fallen(rest, firmness[:, 0], falling.dynamics, rounds, 30)
     way = np.linalg.norm(fallen[:, :, 0] - cloth.part.template.T, axis=0)[:, None]
-    falls_off = np.clip((way - _STAYS) / _STAYS, 0, 1)
+    falls_off = np.clip(way / falling.stays - 1, 0, 1)
     held: _Floats = np.maximum(firmness, falls_off).astype(np.float32)
     return held
 
