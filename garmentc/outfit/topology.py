@@ -172,12 +172,15 @@ def averaged_normals(weighted: NDArray[np.float64], owner: NDArray[Any], count: 
 
 def components(triangles: NDArray[np.int32], count: int) -> NDArray[np.int32]:
     """(count,) int32: which connected piece each vertex belongs to, numbered by their first vertex."""
+    return connected(np.concatenate([triangles[:, :2], triangles[:, ::2]]), count)
+
+
+def connected(pairs: NDArray[Any], count: int) -> NDArray[np.int32]:
+    """(count,) int32: the same of vertices that `pairs` (K, 2) join."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    rows = np.concatenate([triangles[:, 0], triangles[:, 0]])
-    columns = np.concatenate([triangles[:, 1], triangles[:, 2]])
-    graph = coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(count, count))
+    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     _, label = connected_components(graph, directed=False)
     return _by_first_use(label)
 

@@ -28,10 +28,10 @@ from garmentc.smpl.body import BodyModel
 class AnchoredCloth:
     """n anchors of an outfit.
 
-    part    the rig of the anchors alone
-    pieces  what of them hangs together,
-    overlaps   and lies over what
-    wanted  (n,) float32 metres that they should keep from the skin beyond what that bulges out
+    part      the rig of the anchors alone
+    pieces    what of them hangs together,
+    overlaps  and lies over what
+    wanted    (n,) float32 metres that they should keep from the skin beyond what that bulges out
     """
 
     part: Rig

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.outfit.topology import connected
+
 _SMALL = 0.15
 """Metres: the diagonal of the largest piece that is taken for a button, a badge or a pocket."""
 
@@ -31,12 +33,8 @@ class Pieces:
     @classmethod
     def of(cls, pairs: NDArray[Any], vertices: int) -> Pieces:
         """What `pairs` (K, 2) of so many vertices join."""
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
-
-        joined = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(vertices, vertices))
-        count, labels = connected_components(joined, directed=False)
-        return cls(labels, int(count))
+        labels = connected(pairs, vertices)
+        return cls(labels, int(labels.max(initial=-1)) + 1)
 
     def large(self, template: NDArray[Any]) -> NDArray[np.bool_]:
         """Which pieces (count,) of the vertices `template` (n, 3) are too large to be sewn on another."""
