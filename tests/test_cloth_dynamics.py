@@ -36,15 +36,15 @@ def at(vertices: np.ndarray, step: np.ndarray | float = 0.0) -> MovingCloth:
 
 
 def nowhere(count: int) -> SkinPath:
-    return SkinPath(np.zeros((3, count, 1), np.float32), *2 * [np.zeros((count, 1), np.float32)])
+    nothing = np.zeros((3, count, 1), np.float32)
+    return SkinPath(nothing, nothing[0], nothing[0], nothing)
 
 
 def plane(normal: np.ndarray, count: int, offset: float = 0.0, moved: np.ndarray | None = None) -> SkinPath:
     """A plane `offset` metres along its normal, that moves by `moved` (3,)."""
     normals = np.repeat(np.float32(normal)[:, None, None], count, axis=1)
     least = np.full((count, 1), offset, np.float32)
-    if moved is None:
-        return SkinPath(normals, least, least)
+    moved = np.zeros(3) if moved is None else moved
     slid = np.repeat(np.float32(moved)[:, None, None], count, axis=1)
     return SkinPath(normals, least, least + np.float32(normal @ moved), slid)
 
@@ -59,7 +59,7 @@ def run(
     borne: bool = True,
 ) -> MovingCloth:
     count = cloth.vertices.shape[1]
-    firmness = np.zeros((count, 1), np.float32) if held is None else np.float32(held[:, None])
+    firmness = np.zeros(count, np.float32) if held is None else np.float32(held)
     hold = firmness, cloth.vertices, cloth.vertices
     rounds = dynamics.rounds(springs, seconds)
     return advanced(cloth, springs, NO_OVERLAPS, skin, hold, np.full((count, 1), borne), dynamics, seconds, rounds)
@@ -135,7 +135,7 @@ def test_skin_that_moves_takes_what_it_holds() -> None:
     vertices, springs = sheet(6, 5)
     cloth, count = at(vertices), len(vertices)
     end = cloth.vertices + np.float32([[[0.1]], [[0]], [[0]]])
-    hold = np.ones((count, 1), np.float32), cloth.vertices, end
+    hold = np.ones(count, np.float32), cloth.vertices, end
     moved = advanced(cloth, springs, NO_OVERLAPS, nowhere(count), hold, np.ones((count, 1), bool), UNDAMPED, 1 / 30, 60)
     np.testing.assert_allclose(moved.vertices, end, atol=1e-5)
 
@@ -146,8 +146,8 @@ def test_poses_do_not_depend_on_each_other() -> None:
     both = at(vertices)
     both = MovingCloth(*(np.concatenate([a, a + np.float32(1)], axis=2) for a in (both.vertices, both.step)))
     one = plane(np.array([0.0, 1, 0]), len(vertices), -0.05)
-    skin = SkinPath(*(np.concatenate([a, a], axis=-1) for a in (one.normals, one.before, one.after)))
-    hold = np.zeros((len(vertices), 1), np.float32), both.vertices, both.vertices
+    skin = SkinPath(*(np.concatenate([a, a], axis=-1) for a in (one.normals, one.before, one.after, one.slid)))
+    hold = np.zeros(len(vertices), np.float32), both.vertices, both.vertices
     rounds = UNDAMPED.rounds(springs, 0.1)
     moved = advanced(both, springs, NO_OVERLAPS, skin, hold, np.ones((len(vertices), 2), bool), UNDAMPED, 0.1, rounds)
     np.testing.assert_allclose(moved.vertices[:, :, :1], alone.vertices, atol=1e-6)
@@ -167,15 +167,11 @@ def test_a_sheet_stays_above_what_it_lies_over() -> None:
     flat = vertices[:, [0, 2, 1]]
     count, up = len(flat), np.array([0.0, 1, 0])
     both = np.concatenate([flat, flat + 0.002 * up])
-    pair = Springs.of(both, np.concatenate([edges_of(springs), edges_of(springs) + count]))
+    pair = Springs.of(both, np.concatenate([springs.pairs, springs.pairs + count]))
     over = Overlaps(np.arange(count, 2 * count), np.arange(count), np.full(count, 0.002, np.float32))
     skin = plane(up, 2 * count, offset=0.01)
     for overlaps, apart in ((over, 0.002), (NO_OVERLAPS, 0.0)):
-        hold = np.zeros((2 * count, 1), np.float32), at(both).vertices, at(both).vertices
+        hold = np.zeros(2 * count, np.float32), at(both).vertices, at(both).vertices
         borne = np.ones((2 * count, 1), bool)
         end = advanced(at(both), pair, overlaps, skin, hold, borne, UNDAMPED, 1 / 30, 60).vertices[1, :, 0]
         np.testing.assert_allclose(end[count:] - end[:count], apart, atol=3e-4)
-
-
-def edges_of(springs: Springs) -> np.ndarray:
-    return springs.differences[: len(springs.lengths)].indices.reshape(-1, 2)

@@ -136,3 +136,14 @@ def test_anchors_are_joined_where_the_cloth_between_them_is() -> None:
     assert joined.max() < len(few.rows)
     assert (joined[:, 0] < joined[:, 1]).all()
     assert len(np.unique(joined, axis=0)) == len(joined)
+
+
+def test_poses_side_by_side_are_pulled_as_one_by_one() -> None:
+    rng = np.random.default_rng(2)
+    rig = make_rig()
+    springs = Springs.of(rig.template, edges(rig.triangles))
+    moved = rig.template.T[:, :, None] + 0.05 * rng.standard_normal((3, rig.vertex_count, 9))
+    together = moved.astype(np.float32)
+    for work in (springs.pull, springs.roughness):
+        alone = [work(np.ascontiguousarray(together[:, :, p : p + 1])) for p in range(9)]
+        np.testing.assert_array_equal(work(together), np.concatenate(alone, axis=2))

@@ -108,10 +108,11 @@ class AnchoredCloth:
         """
         start, planes = posed_outfit(self.part, poses), self.skin.planes(poses)
         cloth = MovingCloth(start.vertices, np.zeros_like(start.vertices))
-        held = firmness[:, None].astype(np.float32), start.vertices, start.vertices
+        held = firmness.astype(np.float32), start.vertices, start.vertices
+        still = np.zeros_like(start.vertices)
         for some in filter(None, np.diff(np.linspace(0, rounds, touching + 1).astype(int)).tolist()):
             contact = self.touching(PosedVertices(cloth.vertices, start.turn), planes)
-            skin = SkinPath(contact.normals, contact.least, contact.least)
+            skin = SkinPath(contact.normals, contact.least, contact.least, still)
             time = some * dynamics.round_time(self.springs)
             borne = self.borne(cloth.vertices, skin, firmness)
             cloth = advanced(cloth, self.springs, self.overlaps, skin, held, borne, dynamics, time, some)

@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.compiled import compiled
 from garmentc.outfit.topology import triangle_normals
 from garmentc.passes.pieces import Pieces
 from garmentc.smpl.nearest import closest_on_surface
+
+_Floats = NDArray[np.float32]
 
 _REACH = 0.03
 """Metres: cloth farther off at rest is another story."""
@@ -35,7 +38,7 @@ class Overlaps:
 
     over: NDArray[np.intp]
     beneath: NDArray[np.intp]
-    gaps: NDArray[np.float32]
+    gaps: _Floats
 
     @classmethod
     def of(cls, template: NDArray[Any], pieces: Pieces, skin: NDArray[Any], faces: NDArray[Any]) -> Overlaps:
@@ -59,22 +62,33 @@ class Overlaps:
         lies = height > _STEEPEST * np.linalg.norm(way, axis=1)
         return cls(above[lies], below[lies], np.minimum(height[lies], _GAP).astype(np.float32))
 
-    def in_poses(self, count: int) -> Overlaps:
-        """The same of vertices in `count` poses, (n, P) in one row."""
-        over, beneath = ((rows[:, None] * count + np.arange(count)).ravel() for rows in (self.over, self.beneath))
-        return Overlaps(over, beneath, np.repeat(self.gaps, count))
-
-    def lift(
-        self, vertices: NDArray[np.float32], normals: NDArray[np.float32]
-    ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
-        """Which of `vertices` (3, n) have to come up, (L,), and how far: metres (3, L).
-
-        normals  (3, K) unit normals of the skin below each, 0 where there is none
-        """
-        apart = np.take(vertices, self.over, axis=1) - np.take(vertices, self.beneath, axis=1)
-        lacking = self.gaps - np.einsum("ik,ik->k", normals, apart)
-        rows = np.flatnonzero((lacking > 0) & (lacking < _DEEPEST))
-        return self.over[rows], np.take(normals, rows, axis=1) * lacking[rows]
-
 
 NO_OVERLAPS = Overlaps(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0, np.float32))
+
+
+@compiled
+def lift(
+    vertices: _Floats,
+    normals: _Floats,
+    over: NDArray[np.intp],
+    beneath: NDArray[np.intp],
+    gaps: _Floats,
+    lacking: _Floats,
+) -> None:
+    """Bring those of `vertices` (3, n, P) up that have come beneath what they lie `over`, all at once.
+
+    normals  (3, n, P) unit normals of the skin below each, 0 where there is none
+    lacking  (K, P) is filled with how far
+    """
+    for k in range(len(over)):
+        i, j = over[k], beneath[k]
+        for p in range(vertices.shape[2]):
+            height = gaps[k]
+            for axis in range(3):
+                height -= normals[axis, j, p] * (vertices[axis, i, p] - vertices[axis, j, p])
+            lacking[k, p] = height if 0 < height < _DEEPEST else 0
+    for k in range(len(over)):
+        i, j = over[k], beneath[k]
+        for axis in range(3):
+            for p in range(vertices.shape[2]):
+                vertices[axis, i, p] += normals[axis, j, p] * lacking[k, p]

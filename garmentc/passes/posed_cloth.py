@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from garmentc.compiled import compiled
 from garmentc.passes.posed_skinning import PosedVertices
-from garmentc.passes.springs import Springs
+from garmentc.passes.springs import Springs, pulled_along
+
+_Floats = NDArray[np.float32]
 
 _MOST_SHRUNK = 0.1
 """Share of a squared length that skinning leaves at least, as far as it is made up for: in cloth that it all but
@@ -25,12 +29,10 @@ class PosedCloth:
     """
 
     posed: PosedVertices
-    normals: NDArray[np.float32]
-    least: NDArray[np.float32]
+    normals: _Floats
+    least: _Floats
 
-    def way(
-        self, moved: NDArray[np.float32], springs: Springs, rounds: int, relaxation: float, momentum: float
-    ) -> NDArray[np.float32]:
+    def way(self, moved: _Floats, springs: Springs, rounds: int, relaxation: float, momentum: float) -> _Floats:
         """How far cloth with the rest-space displacements `moved` settles, (3, n, P), in rest space too."""
         start = self.posed.vertices + self.posed.turned(moved)
         if not rounds:  # only out of the skin
@@ -39,43 +41,71 @@ class PosedCloth:
 
     def settled(
         self,
-        start: NDArray[np.float32],
+        start: _Floats,
         springs: Springs,
         rounds: int,
-        relaxation: float | NDArray[np.float32],
+        relaxation: float | _Floats,
         momentum: float,
-    ) -> NDArray[np.float32]:
+    ) -> _Floats:
         """Where vertices at `start` (3, n, P) come to in so many rounds.
 
         A round goes towards unstretched springs, a share `relaxation` of the way that would be right for an edge alone
-        (one of all, or (n, 1)), and from there out to where it should be; it begins a share `momentum` of the last
+        (one of all, or (n,)), and from there out to where it should be; it begins a share `momentum` of the last
         round's way ahead.
         """
-        before = now = start
+        share = np.broadcast_to(np.asarray(relaxation, np.float32), (start.shape[1],)).copy()
+        before, now, ahead = start.copy(), start.copy(), np.empty_like(start)
         for _ in range(rounds):
-            ahead = now - before
-            ahead *= np.float32(momentum)
-            ahead += now
-            pull = springs.pull(ahead)
-            pull *= np.asarray(relaxation, np.float32)
-            ahead += pull
-            ahead += self.way_out(ahead)
-            before, now = now, ahead
+            _coast(now, before, np.float32(momentum), ahead)
+            # What was before is not needed any more.
+            pulled_along(ahead, springs.begins, springs.others, springs.apart, share, before)
+            _push_out(before, self.normals, self.least)
+            before, now = now, before
         return now
 
-    def way_out(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
+    def way_out(self, vertices: _Floats) -> _Floats:
         """The step (3, n, P) of those of the vertices (3, n, P) that are too close to the skin."""
         lacking = self.least - np.einsum("inp,inp->np", self.normals, vertices)
         np.maximum(lacking, 0, out=lacking)
-        way: NDArray[np.float32] = self.normals * lacking
+        way: _Floats = self.normals * lacking
         return way
 
-    def at_rest(self, way: NDArray[np.float32]) -> NDArray[np.float32]:
+    def at_rest(self, way: _Floats) -> _Floats:
         """What skinning makes `way` (3, n, P) of, nearly: it turns, and shrinks where joints' rotations are mixed.
 
         The exact way, `PosedVertices.at_rest`, lets what is regressed on keys grow where skinning all but collapses.
         """
-        turn = self.posed.turn
-        result: NDArray[np.float32] = self.posed.turned_back(way)
-        result /= np.maximum(np.einsum("ijnp,ijnp->np", turn, turn) / np.float32(3), np.float32(_MOST_SHRUNK))
+        result: _Floats = self.posed.turned_back(way)
+        result /= self._shrunk
         return result
+
+    @cached_property
+    def _shrunk(self) -> _Floats:
+        """(n, P) the square of what skinning leaves of a length, the mean over all directions."""
+        turn = self.posed.turn
+        shrunk: _Floats = np.maximum(np.einsum("ijnp,ijnp->np", turn, turn) / np.float32(3), np.float32(_MOST_SHRUNK))
+        return shrunk
+
+
+@compiled
+def _coast(now: _Floats, before: _Floats, momentum: np.float32, ahead: _Floats) -> None:
+    """Fill `ahead` (3, n, P) with where vertices `now` go with a share of their way from `before`."""
+    _, count, poses = now.shape
+    for axis in range(3):
+        for i in range(count):
+            for p in range(poses):
+                ahead[axis, i, p] = now[axis, i, p] + momentum * (now[axis, i, p] - before[axis, i, p])
+
+
+@compiled
+def _push_out(vertices: _Floats, normals: _Floats, least: _Floats) -> None:
+    """Bring `vertices` (3, n, P) as far along their normals as they should be, at least."""
+    _, count, poses = vertices.shape
+    for i in range(count):
+        for p in range(poses):
+            u, v, w = normals[0, i, p], normals[1, i, p], normals[2, i, p]
+            there = u * vertices[0, i, p] + v * vertices[1, i, p] + w * vertices[2, i, p]
+            way = max(least[i, p] - there, np.float32(0))
+            vertices[0, i, p] += u * way
+            vertices[1, i, p] += v * way
+            vertices[2, i, p] += w * way

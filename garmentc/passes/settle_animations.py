@@ -6,7 +6,8 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from itertools import repeat
+from itertools import chain
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from garmentc.passes.anchored_cloth import AnchoredCloth
 from garmentc.passes.anchors import Anchors
-from garmentc.passes.animated_cloth import AnimatedCloth, Falling, Settling, with_way_in
+from garmentc.passes.animated_cloth import AnimatedCloth, Falling, Settling
 from garmentc.passes.blas import single_threaded_blas
 from garmentc.passes.body_contacts import CLEARANCE
 from garmentc.passes.key_reach import key_reach
@@ -22,12 +23,12 @@ from garmentc.passes.part_of_rig import take_vertices
 from garmentc.passes.pose_set import farthest_apart
 from garmentc.passes.posed_skinning import posed_outfit
 from garmentc.passes.report import PassReport
+from garmentc.passes.stretches import Stretches
 from garmentc.resting_layer import with_silent_keys
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.motion import Motion
 
-_FRAMES_AT_ONCE = 64
 _FRAMES_COMPARED = 1024
 """Frames that the shapes are chosen on: more tell nothing new."""
 
@@ -75,8 +76,10 @@ def settle_animations(
     if rig.keys is None or not motions or not options.shapes:
         return rig, PassReport("settle animations", "no animations, or no blend shapes for them")
     poses = np.concatenate([motion.poses for motion in motions])
+    stretches = [Stretches.of(motion, rig.joints) for motion in motions]
     with single_threaded_blas():
-        searched = farthest_apart(np.concatenate([with_way_in(motion).poses for motion in motions]), options.searched)
+        seen = [some.poses.reshape(-1, *poses.shape[1:]) for some in chain(*stretches)]
+        searched = farthest_apart(np.concatenate(seen), options.searched)
 
         def anchored(anchors: Anchors) -> AnchoredCloth:
             return AnchoredCloth.of(
@@ -86,10 +89,13 @@ def settle_animations(
         anchors = Anchors.of(rig, options.settling.anchors)
         cloth = AnimatedCloth.of(start, anchors, anchored, firmness, options.falling, options.settling)
         finished = take_vertices(rig, anchors.rows)
-        lacking = np.empty((len(poses), 3 * len(anchors.rows)), dtype=np.float32)
+        lacking = np.zeros((len(poses), 3 * len(anchors.rows)), dtype=np.float32)
         parts = np.split(lacking, np.cumsum([len(motion) for motion in motions])[:-1])
+        work = [(part, some) for part, each in zip(parts, stretches, strict=True) for some in each]
+        lock = Lock()
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(_fill_in, parts, motions, repeat(cloth), repeat(finished)))
+            for filled in [pool.submit(_fill_in, part, some, cloth, finished, lock) for part, some in work]:
+                filled.result()
         principal = _Principal.of(lacking, options.shapes, options.tolerance)
         keys = np.concatenate([rig.pose_keys(np.asarray(poses, np.float64)), principal.amounts], axis=1)
     moved, left = 1000 * principal.moved, 1000 * principal.left
@@ -106,14 +112,17 @@ def settle_animations(
     return settled, PassReport("settle animations", f"{detail}, {left:.1f} mm short of settled")
 
 
-def _fill_in(lacking: NDArray[np.float32], motion: Motion, cloth: AnimatedCloth, finished: Rig) -> None:
-    """Fill in what anchors `finished` by the passes lack at rest in each frame to be where the cloth is, (T, 3n)."""
-    frames = cloth.along(motion)
-    for begin in range(0, len(motion), _FRAMES_AT_ONCE):
-        after = posed_outfit(finished, motion.poses[begin : begin + _FRAMES_AT_ONCE])
-        settled = np.stack([next(frames) for _ in range(after.vertices.shape[2])], axis=2)
-        way = after.at_rest(settled - after.vertices)
-        lacking[begin : begin + len(settled.T)] = way.reshape(-1, way.shape[2]).T
+def _fill_in(
+    lacking: NDArray[np.float32], stretches: Stretches, cloth: AnimatedCloth, finished: Rig, lock: Lock
+) -> None:
+    """Add to `lacking` (T, 3n) what anchors `finished` by the passes lack at rest in the frames of `stretches` to be
+    where the cloth is, times how much they count. At most two stretches share a frame, so their order means nothing."""
+    for number, settled in cloth.along(stretches):
+        after = posed_outfit(finished, stretches.poses[number])
+        way = after.at_rest(settled - after.vertices) * stretches.shares[number]
+        counts = stretches.shares[number] > 0
+        with lock:
+            lacking[stretches.frames[number, counts]] += way[:, :, counts].reshape(-1, counts.sum()).T
 
 
 @dataclass(frozen=True)
