@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from garmentc.rig import DenseLayer, KeyNetwork
+from garmentc.rig import DenseLayer
 
 
 def resting_layer(weight: NDArray[Any], at_rest: NDArray[np.float64]) -> DenseLayer:
@@ -27,11 +26,3 @@ def resting_layer(weight: NDArray[Any], at_rest: NDArray[np.float64]) -> DenseLa
         left = exact @ at_rest + bias
         weight[row, column] = exact[row, column] - left / at_rest[column]
     return DenseLayer(weight, bias)
-
-
-def with_silent_keys(network: KeyNetwork, count: int) -> KeyNetwork:
-    """The network with `count` keys more that are 0 in every pose."""
-    last = network.layers[-1]
-    weight = np.concatenate([last.weight, np.zeros((count, last.weight.shape[1]), np.float32)])
-    silent = replace(last, weight=weight, bias=np.concatenate([last.bias, np.zeros(count, np.float32)]))
-    return replace(network, layers=(*network.layers[:-1], silent))

@@ -77,11 +77,6 @@ class DenseLayer:
     bias: NDArray[Any]
     activation: str = "linear"
 
-    @property
-    def driven(self) -> NDArray[np.bool_]:
-        """(outputs,) which of them depend on the inputs, or are not 0."""
-        return np.asarray(self.weight.any(axis=1) | (self.bias != 0))
-
     def __call__(self, x: NDArray[Any]) -> NDArray[Any]:
         y: NDArray[Any] = x @ self.weight.T.astype(x.dtype) + self.bias.astype(x.dtype)
         if self.activation in ("relu", "normalized_relu"):
@@ -105,7 +100,7 @@ class KeyNetwork:
         return len(self.layers[-1].bias)
 
     def __call__(self, poses: NDArray[Any]) -> NDArray[Any]:
-        """Keys (..., M) of poses (..., 24, 3), in the dtype of `poses`."""
+        """Keys (..., K) of poses (..., 24, 3), in the dtype of `poses`."""
         x = encode_pose(poses, self.encoding)
         for layer in self.layers:
             x = layer(x)
@@ -121,9 +116,10 @@ class Rig:
     joints         (24, 3) rest joints
     weights        (N, 24) float32, rows sum to 1
     blend_shapes   (M, N, 3) float32, metres
-    keys           pose to M keys; None where M = 0
+    keys           pose to the first K of the M keys, those that are driven; None where M = 0
     blend_normals  (M, N, 3) float32 normal deltas, or None
-    animation_keys (T, M) keys in all frames of the animations, one animation after the other; None has those of `keys`
+    animation_keys (T, M) keys in all frames of the animations, one animation after the other; None has those of `keys`.
+                   Those that no pose drives are left to them
     """
 
     template: NDArray[Any]
@@ -145,19 +141,20 @@ class Rig:
 
     @property
     def balanced(self) -> bool:
-        """Whether the blend shapes sum to nothing, so that a common amount of all of them changes nothing."""
+        """Whether the driven blend shapes sum to nothing, so that a common amount of them changes nothing."""
         return self.keys is not None and self.keys.layers[-1].activation == "nonnegative"
 
     @property
-    def driven_keys(self) -> NDArray[np.bool_]:
-        """(M,) keys that depend on the pose at all; the others are left to animations."""
-        return np.zeros(self.morph_count, np.bool_) if self.keys is None else self.keys.layers[-1].driven
+    def driven_count(self) -> int:
+        """K: as many of the first keys depend on the pose."""
+        return 0 if self.keys is None else self.keys.output_size
 
     def pose_keys(self, poses: NDArray[Any]) -> NDArray[Any]:
-        """Keys (..., M) of poses (..., 24, 3)."""
-        if self.keys is None:
-            return np.zeros((*poses.shape[:-2], 0), dtype=poses.dtype)
-        return self.keys(poses)
+        """Keys (..., M) of poses (..., 24, 3); 0 for those that no pose drives."""
+        keys = np.zeros((*poses.shape[:-2], self.morph_count), dtype=poses.dtype)
+        if self.keys is not None:
+            keys[..., : self.driven_count] = self.keys(poses)
+        return keys
 
     def posed(
         self,

@@ -17,7 +17,7 @@ from garmentc.errors import GarmentcError
 from garmentc.gltf.asset import Clip
 from garmentc.gltf.bind import morph_sizes, moved_at_most
 from garmentc.gltf.evaluate import world_positions
-from garmentc.gltf.posing import state_at_pose, state_at_time
+from garmentc.gltf.posing import pose_key_network, state_at_pose, state_at_time
 from garmentc.gltf.read import read_glb
 from garmentc.gltf.tracks import clip_tracks
 from garmentc.options import CompileOptions
@@ -111,6 +111,30 @@ def test_keys_that_never_move_and_shapes_that_are_nothing_do_no_harm(rig: Rig) -
     assert np.abs(balanced.posed(UNSEEN) - odd.posed(UNSEEN)).max() < 1e-7
 
 
+def test_shapes_that_only_animations_use_stay_as_they_are(rig: Rig) -> None:
+    rng = np.random.default_rng(1)
+    keys = np.concatenate([rig.pose_keys(UNSEEN), rng.random((100, 2))], axis=1)
+    shapes, normals = (rng.normal(0, 0.01, (2, rig.vertex_count, 3)).astype(np.float32) for _ in range(2))
+    assert rig.blend_normals is not None
+    animated = replace(
+        rig,
+        blend_shapes=np.concatenate([rig.blend_shapes, shapes]),
+        blend_normals=np.concatenate([rig.blend_normals, normals]),
+        animation_keys=keys,
+    )
+    balanced, _ = nonnegative_weights(animated, NonnegativeWeights(), replace(POSES, baked=UNSEEN))
+    assert (animated.driven_count, balanced.driven_count, balanced.morph_count) == (9, 10, 12)
+    assert balanced.animation_keys is not None
+    assert balanced.blend_normals is not None
+    np.testing.assert_array_equal(balanced.animation_keys[:, 10:], keys[:, 9:])
+    np.testing.assert_array_equal(balanced.blend_shapes[10:], shapes)
+    np.testing.assert_array_equal(balanced.blend_normals[10:], normals)
+    assert 0 <= balanced.animation_keys.min() < balanced.animation_keys.max() <= 1
+    before, after = (each.posed(UNSEEN, keys=each.animation_keys) for each in (animated, balanced))
+    assert np.abs(after - before).max() < 1e-7
+    assert not balanced.pose_keys(UNSEEN)[:, 10:].any()
+
+
 def test_without_shapes_there_is_nothing_to_do() -> None:
     bare = make_rig(morphs=0, normals=False)
     assert nonnegative_weights(bare, NonnegativeWeights(), POSES)[0] is bare
@@ -169,7 +193,7 @@ def test_weights_in_a_compiled_file_are_within_0_and_1(files: tuple[Compiled, Co
     [mesh] = read_glb(files[0].path).meshes
     names = [f"pose_key_{index:03d}" for index in range(32)]
     extra = [f"animation_{index:03d}" for index in range(with_it.shape[1] - 32)]
-    assert mesh.target_names == (*names[:31], *extra, names[31])
+    assert mesh.target_names == (*names, *extra)
     assert 0.1 < with_it.max() <= 1
     glb = read_glb(files[0].path)
     for pose in UNSEEN[:10]:
@@ -216,11 +240,15 @@ def test_it_runs_where_shapes_are_chosen(files: tuple[Compiled, Compiled]) -> No
 def test_a_bound_on_movement_knows_what_balanced_targets_have_in_common(files: tuple[Compiled, Compiled]) -> None:
     glb = read_glb(files[0].path)
     [node] = glb.mesh_nodes
-    weights = np.random.default_rng(0).random((3, len(morph_sizes(glb, node))))
+    network = pose_key_network(glb, node)
+    assert network is not None
+    count = len(network.layers[-1].bias)
+    weights = np.random.default_rng(0).random((3, count))
     weights[1] = 0.5
     bound = moved_at_most(glb, node, weights)
-    shapes = np.concatenate([part.morph_positions for part in glb.meshes[0].primitives], axis=1).astype(np.float64)
+    parts = [part.morph_positions[:count] for part in glb.meshes[0].primitives]
+    shapes = np.concatenate(parts, axis=1).astype(np.float64)
     moved = np.linalg.norm(np.tensordot(weights, shapes, 1), axis=-1).max(axis=1)
     assert (moved <= bound + 1e-9).all()
     assert bound[1] < 1e-6
-    assert bound[0] <= weights[0] @ morph_sizes(glb, node)
+    assert bound[0] <= weights[0] @ morph_sizes(glb, node)[:count]

@@ -139,8 +139,11 @@ def test_the_network_costs_little_more_than_its_numbers_twice(compiled: Compiled
 
 
 def wardrobe() -> Asset:
-    """Two garments with networks of each encoding and another number of morphs, under names that three.js alters."""
-    gown, slip = make_asset(skeleton=MIXAMO), make_asset(morphs=3, columns=16, rows=12, parts=1)
+    """Two garments with networks of each encoding and another number of morphs, under names that three.js alters.
+
+    Two morphs of the second are left to animations.
+    """
+    gown, slip = make_asset(skeleton=MIXAMO), make_asset(morphs=5, columns=16, rows=12, parts=1)
     hanging = replace(slip.rig, keys=make_keys(3, np.random.default_rng(8), ENCODING_GRAVITY_JOINTS))
     return replace(gown, also=(RiggedMesh("slip", hanging, slip.primitives, slip.materials),))
 

@@ -90,10 +90,11 @@ def edit_bias(glb: GlbAsset, amount: float) -> GlbAsset:
     return edit_mesh(glb, pose_keys=replace(network, layers=(*network.layers[:-1], last)))
 
 
-def fewer_outputs(glb: GlbAsset) -> GlbAsset:
+def more_outputs(glb: GlbAsset) -> GlbAsset:
     network = glb.meshes[0].pose_keys
     assert network is not None
-    last = replace(network.layers[-1], bias=network.layers[-1].bias[:2], weight=network.layers[-1].weight[:2])
+    twice = network.layers[-1]
+    last = replace(twice, bias=np.tile(twice.bias, 2), weight=np.tile(twice.weight, (2, 1)))
     return edit_mesh(glb, pose_keys=replace(network, layers=(*network.layers[:-1], last)))
 
 
@@ -133,7 +134,7 @@ FAULTS: dict[str, Callable[[GlbAsset], GlbAsset]] = {
     "bind-pose": lambda g: edit_node(g, 7, translation=(0.0, 0.0, 0.0)),
     "morph-rest": lambda g: edit_mesh(g, weights=(0.5,) * 6),
     "target-names": lambda g: edit_mesh(g, target_names=("a",) * 6),
-    "pose-key-outputs": fewer_outputs,
+    "pose-key-outputs": more_outputs,
     "pose-key-copies": lambda g: edit_bias(g, 1e-8),
     "pose-key-rest": lambda g: edit_bias(g, 0.1),
     "pose-key-joints": lambda g: edit_mesh(g, pose_keys=replace(g.meshes[0].pose_keys, joints=tuple(range(1, 25)))),

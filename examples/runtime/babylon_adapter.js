@@ -32,7 +32,7 @@ export function findPoseKeys({meshes, transformNodes}) {
   }
   for (const mesh of meshes) {
     if (!mesh.skeleton || !mesh.morphTargetManager) continue;
-    const fits = (/** @type {any} */ {network}) => outputs(network) === mesh.morphTargetManager.numTargets;
+    const fits = (/** @type {any} */ {network}) => outputs(network) <= mesh.morphTargetManager.numTargets;
     const above = carriedAbove(mesh), garment = above ? garments.get(above) : [...garments.values()].find(fits);
     if (garment && fits(garment)) garment.driven.push(mesh);
   }
@@ -140,5 +140,5 @@ export class Driver {
 
 /** @param {MorphTargetManager | null} targets @param {Float64Array} keys */
 function setInfluences(targets, keys) {
-  for (let i = 0; targets && i < keys.length; i++) targets.getTarget(i).influence = keys[i];
+  for (let i = 0; targets && i < targets.numTargets; i++) targets.getTarget(i).influence = keys[i] ?? 0;
 }

@@ -36,7 +36,8 @@ export async function findPoseKeys({scene, parser}) {
   const drivers = [];
   for (const [owner, meshes] of owners) {
     const network = await networkOf(owner, parser);
-    const driven = meshes.filter(mesh => mesh.morphTargetInfluences?.length === network?.layers.at(-1)?.bias.length);
+    const outputs = network?.layers.at(-1)?.bias.length ?? Infinity;
+    const driven = meshes.filter(mesh => (mesh.morphTargetInfluences?.length ?? 0) >= outputs);
     if (network && driven.length) drivers.push(new Driver(network, jointsOf(network, scene), driven));
   }
   return drivers;
@@ -113,7 +114,7 @@ export class Driver {
     const keys = this.evaluator.evaluate(joints[0].matrixWorld.elements, rotations, seconds);
     for (let m = 0; m < meshes.length; m++) {
       const influences = /** @type {number[]} */ (meshes[m].morphTargetInfluences);
-      for (let i = 0; i < keys.length; i++) influences[i] = keys[i];
+      for (let i = 0; i < influences.length; i++) influences[i] = keys[i] ?? 0; // what only animations use: 0
     }
   }
 }

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 import garmentc
@@ -76,10 +75,11 @@ class RiggedMesh:
         """One name for each morph target: those of poses and those that only animations use are numbered apart."""
         if self.morph_names is not None:
             return self.morph_names
-        count = self.rig.morph_count
-        driven = np.ones(count, np.bool_) if self.rig.animation_keys is None else self.rig.driven_keys
-        number = np.where(driven, np.cumsum(driven), np.cumsum(~driven)) - 1
-        return tuple(f"{'pose_key' if d else 'animation'}_{n:03d}" for d, n in zip(driven, number, strict=True))
+        driven, count = self.rig.driven_count, self.rig.morph_count
+        return (
+            *(f"pose_key_{number:03d}" for number in range(driven)),
+            *(f"animation_{number:03d}" for number in range(count - driven)),
+        )
 
 
 @dataclass(frozen=True)

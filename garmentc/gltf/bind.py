@@ -49,18 +49,20 @@ def morph_sizes(asset: GlbAsset, mesh_node: int) -> NDArray[np.float64]:
 
 
 def moved_at_most(asset: GlbAsset, mesh_node: int, weights: NDArray[Any]) -> NDArray[np.float64]:
-    """(T,) metres that morph weights (T, M) move any vertex at rest, or more.
+    """(T,) metres that weights (T, K) of the first K morph targets move any vertex at rest, or more.
 
     The sum of what each target moves, or that of what each differs from the mean, and the mean of all together, which
     is next to nothing where targets sum to nothing: whichever is less.
     """
+    count = weights.shape[1]
     mesh = asset.nodes[mesh_node].mesh
-    sizes = morph_sizes(asset, mesh_node)
+    sizes = morph_sizes(asset, mesh_node)[:count]
     if mesh is None or not len(sizes):
         return np.zeros(len(weights))
     linear = rest_joint_matrices(asset, mesh_node)[0, :3, :3]
     primitives = asset.meshes[mesh].primitives
-    together = max(_largest_row(part.morph_positions.sum(axis=0, dtype=np.float64) @ linear.T) for part in primitives)
+    sums = [part.morph_positions[:count].sum(axis=0, dtype=np.float64) for part in primitives]
+    together = max(_largest_row(each @ linear.T) for each in sums)
     mean = weights.mean(axis=1)
     apart = np.abs(weights - mean[:, None]) @ sizes + np.abs(mean) * together
     least: NDArray[np.float64] = np.minimum(np.abs(weights) @ sizes, apart)

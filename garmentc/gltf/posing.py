@@ -72,13 +72,18 @@ def state_at_pose(
         if keys is not None and not asset.nodes[index].is_body:
             amounts = np.asarray(keys, dtype=np.float64)
         elif network is not None:
-            amounts = evaluate_network(asset, network, state)
+            amounts = _for_all_targets(evaluate_network(asset, network, state), len(state.weights[index]))
         else:
             continue
         if amounts.shape != state.weights[index].shape:
             raise GarmentcError(f"has {len(state.weights[index])} morph targets, not {len(amounts)}", asset.path)
         state.weights[index] = amounts
     return state
+
+
+def _for_all_targets(keys: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """The network's keys, and 0 for the targets after those, which are left to animations."""
+    return np.pad(keys, (0, max(0, count - len(keys))))
 
 
 def smpl_joints(asset: GlbAsset) -> list[int]:
@@ -112,7 +117,10 @@ def pose_key_network(asset: GlbAsset, mesh_node: int) -> PoseKeyNetwork | None:
 
 
 def evaluate_network(asset: GlbAsset, network: PoseKeyNetwork, state: State) -> NDArray[np.float64]:
-    """Morph weights (M,) for the joint rotations of `state`: docs/GARMENTC_mesh_pose_keys.md, step by step."""
+    """Weights (K,) of the first K morph targets for the joint rotations of `state`.
+
+    docs/GARMENTC_mesh_pose_keys.md, step by step.
+    """
     if network.encoding not in ENCODING_WIDTHS:
         raise GarmentcError(f"has pose keys with the encoding {network.encoding}; update garmentc", asset.path)
     joints = list(network.joints)

@@ -47,7 +47,7 @@ def clip_tracks(clip: Clip, rigs: Sequence[Rig], root: NDArray[Any], tolerance: 
     """
     tracks = []
     weights = clip_keys(clip, rigs)
-    moving = [_own(keys) if rig.balanced else keys for rig, keys in zip(rigs, weights, strict=True)]
+    moving = [_own(keys, rig.driven_count) if rig.balanced else keys for rig, keys in zip(rigs, weights, strict=True)]
     sizes = [np.array([largest_row(shape) for shape in rig.blend_shapes]) for rig in rigs]
     quaternions = continuous(axis_angle_to_quaternion(clip.motion.poses.astype(np.float64)))
     swells = [float((np.abs(keys) @ size).max()) for keys, size in zip(moving, sizes, strict=True)]
@@ -75,9 +75,11 @@ def clip_keys(clip: Clip, rigs: Sequence[Rig]) -> tuple[NDArray[Any], ...]:
     return tuple(rig.pose_keys(poses) if keys is None else keys for rig, keys in zip(rigs, given, strict=True))
 
 
-def _own(keys: NDArray[Any]) -> NDArray[Any]:
-    """Keys (T, M) less what all of a frame have in common, which moves nothing where the blend shapes are balanced."""
-    own: NDArray[Any] = keys - keys.mean(axis=-1, keepdims=True)
+def _own(keys: NDArray[Any], driven: int) -> NDArray[Any]:
+    """Keys (T, M) less what the first `driven` ones of a frame have in common, which moves nothing where their blend
+    shapes are balanced."""
+    own = keys.copy()
+    own[:, :driven] -= keys[:, :driven].mean(axis=-1, keepdims=True)
     return own
 
 

@@ -45,11 +45,11 @@ def _quaternions(channel: Channel, where: str) -> Iterator[Finding]:
 def _baked_keys(asset: GlbAsset, animation: int, channel: Channel, where: str) -> Iterator[Finding]:
     """Morph weights of an animation are the network's, or the garment moves differently with and without it.
 
-    Targets that the network leaves alone are the animation's own. What all weights have in common, and they change that
-    where weights are nonnegative, is not compared.
+    Targets beyond the network's outputs are the animation's own. What all its weights have in common is not compared
+    where targets are balanced: it moves nothing.
     """
     network = pose_key_network(asset, channel.node)
-    if network is None or len(network.layers[-1].bias) != channel.values.shape[1]:
+    if network is None or len(network.layers[-1].bias) > channel.values.shape[1]:
         return
     times, apart = [], []
     chosen = np.unique(np.linspace(0, len(channel.times) - 1, _TIMES_CHECKED).astype(int))
@@ -60,11 +60,8 @@ def _baked_keys(asset: GlbAsset, animation: int, channel: Channel, where: str) -
         except GarmentcError:
             return  # the network itself has a finding
         times.append(time)
-        apart.append(keys - state.weights[channel.node])
-    difference, driven = np.array(apart), network.layers[-1].driven
-    if driven.any():
-        difference[:, ~driven] = np.median(difference[:, driven], axis=1, keepdims=True)
-    moved = moved_at_most(asset, channel.node, difference)
+        apart.append(keys - state.weights[channel.node][: len(keys)])
+    moved = moved_at_most(asset, channel.node, np.array(apart))
     worst = int(moved.argmax())
     if moved[worst] > _KEY_TOLERANCE:
         message = (

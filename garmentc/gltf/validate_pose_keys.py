@@ -43,8 +43,8 @@ def _network(asset: GlbAsset, index: int, network: PoseKeyNetwork) -> Iterator[F
             "pose-key-copies", where, "the extension and the copy in the node's extras are not the same network"
         )
     outputs = len(network.layers[-1].bias)
-    if outputs != mesh.morph_count:
-        yield error("pose-key-outputs", where, f"{outputs} outputs for {mesh.morph_count} morph targets")
+    if outputs > mesh.morph_count:
+        yield error("pose-key-outputs", where, f"{outputs} outputs for only {mesh.morph_count} morph targets")
         return
     skin = None if node.skin is None else asset.skins[node.skin]
     if skin is None or network.joints != skin.joints:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from garmentc.outfit.topology import corner_angles
-from garmentc.passes.key_reach import key_reach
-from garmentc.passes.pose_set import PoseSet, keys_to_fit
+from garmentc.passes.key_reach import shape_reach
+from garmentc.passes.pose_set import PoseSet
 from garmentc.passes.report import PassReport
 from garmentc.rig import Rig
 
@@ -31,7 +31,7 @@ def morph_normals(rig: Rig, options: MorphNormals, poses: PoseSet) -> tuple[Rig,
     """
     if rig.keys is None or not rig.morph_count:
         return rig, PassReport("morph normals", "no blend shapes, so none")
-    amounts = key_reach(keys_to_fit(rig.keys, poses))
+    amounts = shape_reach(rig, poses)
     surface = _Surface.of(rig.template.astype(np.float64), rig.triangles)
     rest = surface.normals(surface.sides)
     normals = np.empty(rig.blend_shapes.shape, dtype=np.float32)

@@ -34,7 +34,7 @@ class NonnegativeWeights:
 
 
 def nonnegative_weights(rig: Rig, options: NonnegativeWeights, poses: PoseSet) -> tuple[Rig, PassReport]:
-    """Add one blend shape, so that all of them sum to nothing, and take the least key off every key.
+    """Add one blend shape, so that all that are driven sum to nothing, and take the least of their keys off each.
 
     What sums to nothing may be added to any pose: the outfit moves as before, and no key is negative in any pose. In
     the frames of the animations none is above 1 either. With keys y and shapes D, scaled so that all keys go as far,
@@ -45,7 +45,7 @@ def nonnegative_weights(rig: Rig, options: NonnegativeWeights, poses: PoseSet) -
     has the same sum of y_i D_i, and sum_i D_i' + D_b' = 0, for any u. With u = 0, D_b' would be larger than any other,
     and with it the rounding of whatever stores it. So u_i = 1 / (h + sqrt(h)) for the h largest shapes: these and D_b'
     are then the corners of a regular simplex where the D_i are orthonormal. For small shapes u_i = 0: they keep their
-    zeros. So it is for shapes that only animations use: y_b stays a key of poses. Normals are mixed alike.
+    zeros. Normals are mixed alike. Shapes that only animations use, after those, have amounts from 0 to 1 anyway.
     """
     if rig.keys is None:
         return rig, PassReport("nonnegative weights", "no blend shapes, so none")
@@ -56,22 +56,27 @@ def nonnegative_weights(rig: Rig, options: NonnegativeWeights, poses: PoseSet) -
 
 def _nonnegative(rig: Rig, network: KeyNetwork, largest: float, poses: PoseSet) -> tuple[Rig, str]:
     """The rig, and what the report says of it."""
+    count = rig.driven_count
+    shapes, others = np.split(rig.blend_shapes, [count])
     keys = keys_to_fit(network, poses)
-    used = keys if rig.animation_keys is None else np.concatenate([keys, rig.animation_keys])
-    extreme, shares = _extremes_and_shares(used, rig.blend_shapes, rig.driven_keys)
-    mix = np.concatenate([np.eye(rig.morph_count), [-shares / (1 - shares.sum())]]) / extreme
-    mix[:, ~rig.blend_shapes.any(axis=(1, 2))] = 0  # the key of a shape that moves nothing would be rounding
-    scale = _largest(keys, mix) / largest
     animated = _keys(rig, poses.baked) if rig.animation_keys is None else rig.animation_keys
-    scale = max(scale, _largest(animated, mix) / _LARGEST_BAKED) or 1.0
+    extreme, shares = _extremes_and_shares(np.concatenate([keys, animated[:, :count]]), shapes)
+    mix = np.concatenate([np.eye(count), [-shares / (1 - shares.sum())]]) / extreme
+    mix[:, ~shapes.any(axis=(1, 2))] = 0  # the key of a shape that moves nothing would be rounding
+    scale = max(_largest(keys, mix) / largest, _largest(animated[:, :count], mix) / _LARGEST_BAKED) or 1.0
     network = mixed_keys(network, mix / scale)
     last = replace(network.layers[-1], activation="nonnegative")
+    normals = rig.blend_normals
+    if normals is not None:
+        normals = np.concatenate([_balanced(normals[:count], scale * extreme, shares), normals[count:]])
+    if rig.animation_keys is not None:
+        animated = np.concatenate([_from_zero(animated[:, :count] @ mix.T / scale), animated[:, count:]], axis=1)
     balanced = replace(
         rig,
-        blend_shapes=_balanced(rig.blend_shapes, scale * extreme, shares),
-        blend_normals=None if rig.blend_normals is None else _balanced(rig.blend_normals, scale * extreme, shares),
+        blend_shapes=np.concatenate([_balanced(shapes, scale * extreme, shares), others]),
+        blend_normals=normals,
         keys=replace(network, layers=(*network.layers[:-1], last)),
-        animation_keys=None if rig.animation_keys is None else _from_zero(animated @ mix.T / scale),
+        animation_keys=None if rig.animation_keys is None else animated,
     )
     detail = f"one blend shape more, weights up to {_largest(keys, mix) / scale:.2f} in {len(keys)} poses"
     return balanced, detail
@@ -85,23 +90,21 @@ def _keys(rig: Rig, poses: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _extremes_and_shares(
-    keys: NDArray[np.float64], shapes: NDArray[Any], driven: NDArray[np.bool_]
+    keys: NDArray[np.float64], shapes: NDArray[Any]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(M,) how far each of keys (P, M) goes from 0, and (M,) u of `nonnegative_weights`.
 
     A small shape is taken to go as far as moves a vertex by _SMALL of what the largest does: no small key, or one that
     no pose uses and that the rounding of the network makes, shall decide how much is added to all.
-    Only shapes that are `driven` (M,) by poses have a u.
     """
     extreme = np.abs(keys).max(axis=0, initial=0)
     length = np.sqrt([np.einsum("ni,ni->n", shape, shape).max() for shape in shapes])
     moved = extreme * length
     least = _SMALL * moved.max()
     large = moved > least
-    shared = large & driven
-    count = max(1, shared.sum())
+    count = max(1, large.sum())
     extreme = np.where(large, extreme, np.divide(least, length, out=np.ones_like(length), where=length * least > 0))
-    return extreme, np.where(shared, 1 / (count + np.sqrt(count)), 0.0)
+    return extreme, np.where(large, 1 / (count + np.sqrt(count)), 0.0)
 
 
 def _largest(keys: NDArray[np.float64], mix: NDArray[np.float64]) -> float:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from garmentc.passes.key_reach import key_reach
-from garmentc.passes.pose_set import PoseSet, keys_to_fit
+from garmentc.passes.key_reach import shape_reach
+from garmentc.passes.pose_set import PoseSet
 from garmentc.passes.posed_error import posed_error
 from garmentc.passes.report import PassReport
 from garmentc.rig import Rig
@@ -27,7 +27,7 @@ def prune_morphs(rig: Rig, options: PruneMorphs, poses: PoseSet) -> tuple[Rig, P
     """
     if rig.keys is None or not rig.morph_count:
         return rig, PassReport("prune morphs", "no blend shapes, so none")
-    amounts = key_reach(keys_to_fit(rig.keys, poses))
+    amounts = shape_reach(rig, poses)
     shapes = np.empty_like(rig.blend_shapes)
     zeros = 0
     for shape, pruned, amount in zip(rig.blend_shapes, shapes, amounts, strict=True):

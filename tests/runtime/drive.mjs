@@ -24,6 +24,7 @@ async function driven(engine, glb, poses, turn, scale) {
     joints: driver.joints.map(joint => joint.name),
     weights: poses.map(pose => {
       loaded.pose(pose, driver.joints);
+      loaded.leave(0.5, driver); // what an animation has left
       driver.update(1 / 30);
       return loaded.weights(driver);
     }),

@@ -14,7 +14,8 @@ function bytesOf(path) {
 
 /**
  * A loaded file in three.js.
- * @returns drivers; `pose` sets quaternions (24 × x y z w); `weights` reads each mesh's; `turn` turns all of it
+ * @returns drivers; `pose` sets quaternions (24 × x y z w); `weights` reads each mesh's, `leave` sets them; `turn` turns
+ *   all of it
  */
 export async function inThree(glb) {
   globalThis.createImageBitmap = async () => ({width: 1, height: 1, close() {}}); // textures are not looked at
@@ -29,6 +30,7 @@ export async function inThree(glb) {
     pose: (rotations, joints = drivers[0].joints) =>
       joints.forEach((joint, i) => joint.quaternion.fromArray(rotations, 4 * i)),
     weights: (driver = drivers[0]) => driver.meshes.map(mesh => [...mesh.morphTargetInfluences]),
+    leave: (weight, driver) => driver.meshes.forEach(mesh => mesh.morphTargetInfluences.fill(weight)),
     turn: ([x, y, z, w], scale) => {
       gltf.scene.quaternion.set(x, y, z, w);
       gltf.scene.scale.setScalar(scale);
@@ -62,6 +64,9 @@ export async function inBabylon(glb, {leftHanded = true} = {}) {
       joint.rotationQuaternion.copyFromFloats(...rotations.slice(4 * i, 4 * i + 4))),
     weights: (driver = drivers[0]) => driver.meshes.map(({morphTargetManager: targets}) =>
       Array.from({length: targets.numTargets}, (_, i) => targets.getTarget(i).influence)),
+    leave: (weight, driver) => driver.meshes.forEach(({morphTargetManager: targets}) => {
+      for (let i = 0; i < targets.numTargets; i++) targets.getTarget(i).influence = weight;
+    }),
     turn: ([x, y, z, w], scale) => {
       const above = new core.TransformNode('above', scene);
       above.rotationQuaternion = new core.Quaternion(x, y, z, w);
