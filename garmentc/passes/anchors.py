@@ -19,6 +19,7 @@ _NORMAL_REACH = 0.05
 _LAYER_REACH = 1.0
 _NEIGHBOURS = 6
 _SUPPORT = 4
+_VALUES_AT_ONCE = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,12 @@ class Anchors:
             ends = np.arange(len(nearest) + 1) * nearest.shape[1]
             shape = (len(nearest), len(self.rows))
             yield rows, csr_matrix((share.ravel().astype(np.float32), nearest.ravel(), ends), shape=shape)
+
+    def carried(self, shapes: NDArray[np.float32]) -> Iterator[tuple[slice, NDArray[np.float32]]]:
+        """Blocks of vertices and, for each, the shapes (K, B, 3) that shapes of the anchors (K, n, 3) make of them."""
+        by_anchor = shapes.transpose(1, 2, 0).reshape(len(self.rows), -1)
+        for rows, interpolator in self.interpolators(max(1, _VALUES_AT_ONCE // max(1, by_anchor.shape[1]))):
+            yield rows, (interpolator @ by_anchor).reshape(-1, 3, len(shapes)).transpose(2, 0, 1)
 
     @cached_property
     def _tree(self) -> Any:

@@ -28,7 +28,6 @@ from garmentc.passes.springs import Springs
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
 
-_VALUES_AT_ONCE = 2_000_000
 _POSES_AT_ONCE = 32
 _CHECKED = 8
 _NEGLIGIBLE = 0.01
@@ -200,18 +199,11 @@ def _settled(
     return shapes
 
 
-def _by_vertex(shapes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(n, 3r) from shapes (3, n, r)."""
-    return shapes.transpose(1, 0, 2).reshape(shapes.shape[1], -1)
-
-
 def _plus(
     shapes: NDArray[Any], added: NDArray[np.float32], axes: NDArray[np.float32], anchors: Anchors
 ) -> NDArray[np.float32]:
     """Blend shapes (M, N, 3) plus what is added to those of the anchors, (3, n, r), carried over to all vertices."""
     result = np.array(shapes, dtype=np.float32)
-    by_anchor = _by_vertex(added)
-    for rows, interpolator in anchors.interpolators(max(1, _VALUES_AT_ONCE // (3 * len(shapes)))):
-        carried = (interpolator @ by_anchor).reshape(-1, len(axes.T))
-        result[:, rows] += (axes @ carried.T).reshape(len(shapes), -1, 3)
+    for rows, some in anchors.carried(added.T):
+        result[:, rows] += (axes @ some.reshape(len(some), -1)).reshape(len(shapes), -1, 3)
     return result

@@ -28,8 +28,6 @@ from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
 from garmentc.smpl.motion import Motion
 
-_VALUES_AT_ONCE = 2_000_000
-
 
 @dataclass(frozen=True)
 class SettleAnimations:
@@ -61,10 +59,10 @@ def settle_animations(
 ) -> tuple[Rig, PassReport]:
     """Add blend shapes and keys of single frames, so that along `motions` the outfit moves as cloth.
 
-    Cloth begins where `start`, the same outfit as the networks have it, has it in the first frame, and then moves as a
-    body of its own (`AnimatedCloth`); cloth of `firmness` (N,) 1 is held by the skin. What `rig` lacks to that, over
-    all frames, is made of few shapes (`SparseShapes`); those are added, with their amounts as `Rig.animation_keys`. In
-    any other pose their keys are 0.
+    Cloth begins where `start`, the same outfit as the networks have it, has it at rest, and then moves as a body of its
+    own (`AnimatedCloth`), through stretches of the motions side by side (`Stretches`); cloth of `firmness` (N,) 1 is
+    held by the skin. What `rig` lacks to that, over all frames, is made of few shapes (`SparseShapes`); those are
+    added, with their amounts as `Rig.animation_keys`. In any other pose their keys are 0.
     """
     if rig.keys is None or not motions or not options.shapes:
         return rig, PassReport("settle animations", "no animations, or no blend shapes for them")
@@ -91,15 +89,14 @@ def settle_animations(
                 filled.result()
         added = SparseShapes.of(lacking, options.shapes, options.tolerance)
         keys = np.concatenate([rig.pose_keys(np.asarray(poses, np.float64)), added.amounts], axis=1)
-    moved, left = 1000 * added.moved, 1000 * added.left
     if not len(added.shapes):
         return rig, PassReport("settle animations", f"{len(poses)} frames lack nothing")
-    settled = replace(
-        rig,
-        blend_shapes=np.concatenate([rig.blend_shapes, _carried(added.shapes, anchors)]),
-        blend_normals=None,
-        animation_keys=keys,
-    )
+    shapes = np.empty((rig.morph_count + len(added.shapes), rig.vertex_count, 3), dtype=np.float32)
+    shapes[: rig.morph_count] = rig.blend_shapes
+    for rows, some in anchors.carried(added.shapes.reshape(len(added.shapes), 3, -1).transpose(0, 2, 1)):
+        shapes[rig.morph_count :, rows] = some
+    settled = replace(rig, blend_shapes=shapes, blend_normals=None, animation_keys=keys)
+    moved, left = 1000 * added.moved, 1000 * added.left
     detail = f"{len(added.shapes)} blend shapes for {len(poses)} frames; moved {moved:.1f} mm"
     return settled, PassReport("settle animations", f"{detail}, {left:.1f} mm short of settled")
 
@@ -115,12 +112,3 @@ def _fill_in(
         counts = stretches.shares[number] > 0
         with lock:
             lacking[stretches.frames[number, counts]] += way[:, :, counts].reshape(-1, counts.sum()).T
-
-
-def _carried(shapes: NDArray[np.float32], anchors: Anchors) -> NDArray[np.float32]:
-    """Blend shapes (K, N, 3) of the whole outfit from those of its anchors, (K, 3n)."""
-    by_anchor = shapes.reshape(len(shapes), 3, -1).transpose(2, 0, 1).reshape(-1, 3 * len(shapes))
-    result = np.empty((len(shapes), len(anchors.places), 3), dtype=np.float32)
-    for rows, interpolator in anchors.interpolators(max(1, _VALUES_AT_ONCE // (3 * len(shapes)))):
-        result[:, rows] = (interpolator @ by_anchor).reshape(-1, len(shapes), 3).transpose(1, 0, 2)
-    return result
