@@ -61,7 +61,7 @@ def played(worn: tuple[Rig, np.ndarray], motion: Motion, falling: Falling | None
 
 def along(cloth: AnimatedCloth, motion: Motion, rig: Rig) -> np.ndarray:
     vertices = np.zeros((len(motion), *rig.template.shape))
-    for some in Stretches.of(motion, rig.joints):
+    for some in Stretches.of([motion], rig.joints):
         for number, settled in cloth.along(some):
             counts = some.shares[number] > 0
             vertices[some.frames[number, counts]] += (settled * some.shares[number])[:, :, counts].T

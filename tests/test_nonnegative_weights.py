@@ -21,6 +21,7 @@ from garmentc.gltf.posing import pose_key_network, state_at_pose, state_at_time
 from garmentc.gltf.read import read_glb
 from garmentc.gltf.tracks import clip_tracks
 from garmentc.options import CompileOptions
+from garmentc.outfit.topology import vertex_normals
 from garmentc.passes.nonnegative_weights import NonnegativeWeights, nonnegative_weights
 from garmentc.passes.pose_set import PoseSet, plausible_poses
 from garmentc.passes.prune_morphs import PruneMorphs
@@ -224,6 +225,24 @@ def test_weights_as_baked_in_eight_bits_lose_little(files: tuple[Compiled, Compi
         moved = compiled.rig.posed(motion.poses, keys=stored) - compiled.rig.posed(motion.poses, keys=keys)
         lost.append(float(np.linalg.norm(moved, axis=-1).max()))
     assert lost[0] < 0.004 < 0.02 < lost[1]
+
+
+def test_light_is_right_where_engines_shorten_every_targets_normal(files: tuple[Compiled, Compiled]) -> None:
+    """Filament makes the normal of each target a unit vector before it adds them up: many large ones go wrong."""
+    rig, frames = files[0].rig, slice(None, None, 12)
+    assert rig.animation_keys is not None
+    assert rig.blend_normals is not None
+    rest = vertex_normals(rig.template, rig.triangles)
+    turned = rest + rig.blend_normals
+    shortened = turned / np.maximum(np.linalg.norm(turned, axis=2, keepdims=True), 1e-9) - rest
+    apart = []
+    for keys in rig.animation_keys[frames]:
+        right = vertex_normals(rig.template + np.tensordot(keys, rig.blend_shapes, 1), rig.triangles)
+        shown = rest + np.tensordot(keys, shortened, 1)
+        cosine = np.einsum("ni,ni->n", shown, right) / np.maximum(np.linalg.norm(shown, axis=1), 1e-9)
+        apart.append(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    assert np.mean(apart) < 6
+    assert (np.array(apart) > 60).mean() < 0.005
 
 
 def test_it_runs_where_shapes_are_chosen(files: tuple[Compiled, Compiled]) -> None:

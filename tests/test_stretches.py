@@ -30,7 +30,7 @@ def motion(frames: int, fps: float, cuts: tuple[int, ...] = ()) -> Motion:
     [
         (1, 30.0, ()),
         (20, 30.0, ()),
-        (61, 30.0, ()),
+        (241, 30.0, ()),
         (1500, 30.0, ()),
         (600, 120.0, ()),
         (40, 10.0, ()),
@@ -42,7 +42,7 @@ def motion(frames: int, fps: float, cuts: tuple[int, ...] = ()) -> Motion:
 def test_every_frame_is_shown_once(frames: int, fps: float, cuts: tuple[int, ...]) -> None:
     walked = motion(frames, fps, cuts)
     shown = np.zeros(frames)
-    for some in Stretches.of(walked, JOINTS):
+    for some in Stretches.of([walked], JOINTS):
         counts = some.shares > 0
         assert (some.frames[~counts] == -1).all()
         np.testing.assert_allclose(some.poses[counts], walked.poses[some.frames[counts]], atol=1e-6)
@@ -51,15 +51,32 @@ def test_every_frame_is_shown_once(frames: int, fps: float, cuts: tuple[int, ...
     np.testing.assert_allclose(shown, 1, atol=1e-6)
 
 
+def test_motions_of_one_rate_are_side_by_side_and_frames_are_counted_through_all() -> None:
+    walks = [motion(250, 30.0), motion(50, 60.0), motion(9, 1.0), motion(490, 30.0)]
+    groups = Stretches.of(walks, JOINTS)
+    assert sorted((some.fps, some.poses.shape[1]) for some in groups) == [(0.0, 9), (30.0, 5), (60.0, 1)]
+    poses, shown = np.concatenate([walk.poses for walk in walks]), np.zeros(799)
+    for some in groups:
+        counts = some.shares > 0
+        np.testing.assert_allclose(some.poses[counts], poses[some.frames[counts]], atol=1e-6)
+        np.add.at(shown, some.frames[counts], some.shares[counts])
+    np.testing.assert_allclose(shown, 1, atol=1e-6)
+
+
 def test_long_motions_are_many_stretches_side_by_side() -> None:
-    groups = Stretches.of(motion(1800, 30.0), JOINTS)
-    assert [some.poses.shape[1] for some in groups] == [16, 14]
-    assert max(len(some.poses) for some in groups) < 0.1 * 1800
+    groups = Stretches.of([motion(7200, 30.0)], JOINTS)
+    assert [some.poses.shape[1] for some in groups] == [15, 15]
+    assert max(len(some.poses) for some in groups) < 0.1 * 7200
+
+
+def test_few_stretches_are_done_one_by_one() -> None:
+    groups = Stretches.of([motion(300, 30.0)], JOINTS)
+    assert [some.poses.shape[1] for some in groups] == [1, 1]
 
 
 def test_frames_follow_each_other_at_the_motions_own_speed() -> None:
     """Also on the way in, and where stretches begin in the middle; but not over a cut."""
-    for some in Stretches.of(motion(300, 30.0, (100,)), JOINTS):
+    for some in Stretches.of([motion(600, 30.0, (100,))], JOINTS):
         for number in range(len(some.poses) - 1):
             ahead = some.ahead(number)
             still = np.abs(ahead).max(axis=0) == 0  # at the end
@@ -69,7 +86,7 @@ def test_frames_follow_each_other_at_the_motions_own_speed() -> None:
 
 
 def test_slow_motions_are_filled_in_and_poses_stand_alone() -> None:
-    (slow,), (alone,) = (Stretches.of(motion(10, fps), JOINTS) for fps in (10.0, 1.0))
+    (slow,), (alone,) = (Stretches.of([motion(10, fps)], JOINTS) for fps in (10.0, 1.0))
     assert slow.fps == 30.0
     assert alone.poses.shape[:2] == (1, 10)
     assert not alone.fps

@@ -6,7 +6,6 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from threading import Lock
 from typing import Any
 
@@ -67,9 +66,9 @@ def settle_animations(
     if rig.keys is None or not motions or not options.shapes:
         return rig, PassReport("settle animations", "no animations, or no blend shapes for them")
     poses = np.concatenate([motion.poses for motion in motions])
-    stretches = [Stretches.of(motion, rig.joints) for motion in motions]
+    stretches = Stretches.of(motions, rig.joints)
     with single_threaded_blas():
-        seen = [some.poses.reshape(-1, *poses.shape[1:]) for some in chain(*stretches)]
+        seen = [some.poses.reshape(-1, *poses.shape[1:]) for some in stretches]
         searched = farthest_apart(np.concatenate(seen), options.searched)
 
         def anchored(anchors: Anchors) -> AnchoredCloth:
@@ -81,11 +80,9 @@ def settle_animations(
         cloth = AnimatedCloth.of(start, anchors, anchored, firmness, options.falling, options.settling)
         finished = take_vertices(rig, anchors.rows)
         lacking = np.zeros((len(poses), 3 * len(anchors.rows)), dtype=np.float32)
-        parts = np.split(lacking, np.cumsum([len(motion) for motion in motions])[:-1])
-        work = [(part, some) for part, each in zip(parts, stretches, strict=True) for some in each]
         lock = Lock()
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            for filled in [pool.submit(_fill_in, part, some, cloth, finished, lock) for part, some in work]:
+            for filled in [pool.submit(_fill_in, lacking, some, cloth, finished, lock) for some in stretches]:
                 filled.result()
         added = SparseShapes.of(lacking, options.shapes, options.tolerance)
         keys = np.concatenate([rig.pose_keys(np.asarray(poses, np.float64)), added.amounts], axis=1)

@@ -78,28 +78,6 @@ class Springs:
         return result
 
 
-def pulled_along(
-    vertices: _Floats,
-    begins: NDArray[np.int32],
-    others: NDArray[np.int32],
-    apart: _Floats,
-    share: _Floats,
-    out: _Floats,
-) -> None:
-    """Fill `out` (3, n, P) with where springs pull `vertices` (3, n, P) to, a `share` (n,) of the way that would be
-    right for an edge alone."""
-    pull = _pull_one_by_one if vertices.shape[2] <= _FEW else _pull_side_by_side
-    pull(vertices, begins, others, apart, share, out)
-
-
-def smoothed(
-    values: _Floats, begins: NDArray[np.int32], others: NDArray[np.int32], share: np.float32, out: _Floats
-) -> None:
-    """Fill `out` (3, n, P) with `values` (3, n, P), a `share` of the way to the mean of their neighbours'."""
-    smooth = _smooth_one_by_one if values.shape[2] <= _FEW else _smooth_side_by_side
-    smooth(values, begins, others, share, out)
-
-
 @compiled
 def _pull_one_by_one(
     vertices: _Floats,
@@ -200,6 +178,34 @@ def _smooth_side_by_side(
             out[0, i, p] = kept * values[0, i, p] + theirs * out[0, i, p]
             out[1, i, p] = kept * values[1, i, p] + theirs * out[1, i, p]
             out[2, i, p] = kept * values[2, i, p] + theirs * out[2, i, p]
+
+
+@compiled
+def pulled_along(
+    vertices: _Floats,
+    begins: NDArray[np.int32],
+    others: NDArray[np.int32],
+    apart: _Floats,
+    share: _Floats,
+    out: _Floats,
+) -> None:
+    """Fill `out` (3, n, P) with where springs pull `vertices` (3, n, P) to, a `share` (n,) of the way that would be
+    right for an edge alone."""
+    if vertices.shape[2] <= _FEW:
+        _pull_one_by_one(vertices, begins, others, apart, share, out)
+    else:
+        _pull_side_by_side(vertices, begins, others, apart, share, out)
+
+
+@compiled
+def smoothed(
+    values: _Floats, begins: NDArray[np.int32], others: NDArray[np.int32], share: np.float32, out: _Floats
+) -> None:
+    """Fill `out` (3, n, P) with `values` (3, n, P), a `share` of the way to the mean of their neighbours'."""
+    if values.shape[2] <= _FEW:
+        _smooth_one_by_one(values, begins, others, share, out)
+    else:
+        _smooth_side_by_side(values, begins, others, share, out)
 
 
 @compiled

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,10 +23,10 @@ _POSES_ALONE = 6.0
 _WAY_IN, _PAUSE = 1.0, 0.25
 """Seconds in which the body comes from its pose at rest to the first one, and stays there, before anything is shown."""
 
-_LONGEST, _OVERLAP = 2.0, 0.25
+_LONGEST, _OVERLAP = 8.0, 0.5
 """Seconds that a stretch shows at most, and in which it goes over into the next one."""
 
-_BEFORE = 0.75
+_BEFORE = 1.5
 """Seconds of the motion between that way in and what a stretch shows, where it does not begin at the beginning."""
 
 _FASTEST = 15.0
@@ -34,16 +35,19 @@ _FASTEST = 15.0
 _SIDE_BY_SIDE = 16
 """Stretches: what processors' registers and caches hold. The same on all machines: sums of matrices depend on it."""
 
+_APART = 4
+"""Stretches: up to so many, each is done by itself; side by side they would take as long."""
+
 
 @dataclass(frozen=True)
 class Stretches:
-    """S stretches of a motion of T frames, each K frames long.
+    """S stretches of motions, each K frames long.
 
     poses   (K, S, 24, 3) axis-angle, radians
     trans   (K, S, 3) metres
     fps     frames a second, or 0 where every frame is a pose by itself
-    frames  (K, S) which frame of the motion that is, or -1 where it is none,
-    shares  (K, S) and how much it counts: those of every frame of the motion sum to 1
+    frames  (K, S) which frame of the motions that is, counted through all of them, or -1 where it is none,
+    shares  (K, S) and how much it counts: those of every frame of the motions sum to 1
     """
 
     poses: NDArray[np.float64]
@@ -53,17 +57,22 @@ class Stretches:
     shares: NDArray[np.float32]
 
     @classmethod
-    def of(cls, motion: Motion, joints: NDArray[Any]) -> list[Stretches]:
-        """All stretches of `motion`, of the body with its `joints` (24, 3) at rest; as many as fit side by side."""
-        stretches = _poses_alone(motion) if motion.fps < _POSES_ALONE else _all_stretches(motion, joints)
-        return [stretches.some(begin) for begin in range(0, stretches.poses.shape[1], _SIDE_BY_SIDE)]
-
-    def some(self, begin: int) -> Stretches:
-        """Those from `begin` on that fit side by side."""
-        taken = slice(begin, begin + _SIDE_BY_SIDE)
-        return Stretches(
-            self.poses[:, taken], self.trans[:, taken], self.fps, self.frames[:, taken], self.shares[:, taken]
-        )
+    def of(cls, motions: Sequence[Motion], joints: NDArray[Any]) -> list[Stretches]:
+        """All stretches of `motions`, of the body with its `joints` (24, 3) at rest; as many as fit side by side."""
+        by_rate: dict[float, list[Stretches]] = {}
+        begin = 0
+        for motion in motions:
+            single = _poses_alone(motion) if motion.fps < _POSES_ALONE else _of_takes(motion, joints)
+            counted = [replace(each, frames=np.where(each.frames < 0, -1, begin + each.frames)) for each in single]
+            by_rate.setdefault(counted[0].fps, []).extend(counted)
+            begin += len(motion)
+        groups = []
+        for stretches in by_rate.values():
+            stretches.sort(key=lambda stretch: len(stretch.poses))
+            count = len(stretches) if len(stretches) <= _APART else int(np.ceil(len(stretches) / _SIDE_BY_SIDE))
+            ends = np.linspace(0, len(stretches), count + 1).astype(int).tolist()
+            groups += [_side_by_side(stretches[begin:end]) for begin, end in itertools.pairwise(ends)]
+        return groups
 
     def ahead(self, number: int) -> NDArray[np.float64]:
         """Metres (3, S) that bodies go from one of the K frames to the next; none from the last, and from poses."""
@@ -73,27 +82,33 @@ class Stretches:
         return way
 
 
-def _poses_alone(motion: Motion) -> Stretches:
+def _side_by_side(stretches: Sequence[Stretches]) -> Stretches:
+    """Single stretches together, made equally long: what is at the end stays there."""
+    length = max(len(stretch.poses) for stretch in stretches)
+    longer = [_lengthened(stretch, length) for stretch in stretches]
+    return Stretches(
+        np.concatenate([stretch.poses for stretch in longer], axis=1),
+        np.concatenate([stretch.trans for stretch in longer], axis=1),
+        longer[0].fps,
+        np.concatenate([stretch.frames for stretch in longer], axis=1),
+        np.concatenate([stretch.shares for stretch in longer], axis=1),
+    )
+
+
+def _poses_alone(motion: Motion) -> list[Stretches]:
     """Every frame by itself."""
-    frames = np.arange(len(motion))[None]
-    poses, trans = np.asarray(motion.poses, np.float64)[None], np.asarray(motion.trans, np.float64)[None]
-    return Stretches(poses, trans, 0.0, frames, np.ones(frames.shape, np.float32))
+    poses, trans = np.asarray(motion.poses, np.float64), np.asarray(motion.trans, np.float64)
+    return [
+        Stretches(pose[None, None], place[None, None], 0.0, np.array([[frame]]), np.ones((1, 1), np.float32))
+        for frame, (pose, place) in enumerate(zip(poses, trans, strict=True))
+    ]
 
 
-def _all_stretches(motion: Motion, joints: NDArray[Any]) -> Stretches:
-    """Stretches of all takes of `motion`, made equally long: what is at the end stays there."""
+def _of_takes(motion: Motion, joints: NDArray[Any]) -> list[Stretches]:
+    """Stretches, one by one, of all takes of `motion`."""
     cuts = [0, *_cuts(motion, joints), len(motion)]
     takes = [_of_take(motion.clipped(*ends), ends[0]) for ends in itertools.pairwise(cuts)]
-    stretches = list(itertools.chain(*takes))
-    length = max(len(stretch.poses) for stretch in stretches)
-    stretches = [_lengthened(stretch, length) for stretch in stretches]
-    return Stretches(
-        np.concatenate([stretch.poses for stretch in stretches], axis=1),
-        np.concatenate([stretch.trans for stretch in stretches], axis=1),
-        stretches[0].fps,
-        np.concatenate([stretch.frames for stretch in stretches], axis=1),
-        np.concatenate([stretch.shares for stretch in stretches], axis=1),
-    )
+    return list(itertools.chain(*takes))
 
 
 def _cuts(motion: Motion, joints: NDArray[Any]) -> list[int]:
