@@ -29,8 +29,8 @@ class AnchoredCloth:
     """n anchors of an outfit.
 
     part      the rig of the anchors alone
-    pieces    what of them hangs together,
-    overlaps  and lies over what
+    pieces    what of them hangs together
+    overlaps  what lies over what
     wanted    (n,) float32 metres that they should keep from the skin beyond what that bulges out
     """
 
@@ -66,7 +66,7 @@ class AnchoredCloth:
         return cls(
             part,
             pieces,
-            Overlaps.of(part.template, pieces, body.shaped(betas), body.faces),
+            Overlaps.of(part.template, anchors.normals, pairs, body.shaped(betas), body.faces),
             springs,
             Bulging.of(rig.template, joined, anchors.rows, springs, bulge),
             NearbySkin.of(part, anchors.normals, body, betas, searched),

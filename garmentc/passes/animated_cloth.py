@@ -147,8 +147,8 @@ class AnimatedCloth:
         posed, skin  of those that fall
         """
         if self.settles is None:
-            vertices = fallen.copy()
-            contact = self.falls.touching(PosedVertices(vertices, posed.turn), skin)
+            cloth, vertices = self.falls, fallen.copy()
+            contact = cloth.touching(PosedVertices(vertices, posed.turn), skin)
         else:
             cloth, now = self.settles, posed_outfit(self.settles.part, poses)
             moved = posed.at_rest(fallen - posed.vertices)
@@ -160,6 +160,7 @@ class AnimatedCloth:
             vertices += self.settling.smoothing * cloth.springs.roughness(vertices - now.vertices)
         # The skin that was nearest when the frame began may not be any more.
         vertices += contact.way_out(vertices)
+        cloth.overlaps.restore(vertices, contact.normals)
         return vertices
 
 
