@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from garmentc.compiled import compiled
 from garmentc.outfit.topology import edge_lengths, triangle_normals
+from garmentc.passes.pieces import Pieces
 from garmentc.smpl.nearest import closest_on_surface
 
 _Floats = NDArray[np.float32]
@@ -63,7 +64,7 @@ class Overlaps:
     ) -> Overlaps:
         """Of `template` (n, 3) with unit `normals` (n, 3), which `pairs` (K, 2) join, on the `skin` (V, 3), (F, 3).
 
-        Layers need not be pieces: the straps of dungarees, sewn to a shirt, lie over it.
+        Layers need not be pieces: the straps of dungarees, sewn to a shirt, lie over it. Small pieces are none.
         """
         from scipy.spatial import cKDTree
 
@@ -74,6 +75,9 @@ class Overlaps:
         height = np.einsum("nki,nki->nk", template[:, None] - template[near], normals[near])
         lies = np.isfinite(distance) & (height > _STEEPEST * distance)
         lies &= np.einsum("ni,nki->nk", normals, normals[near]) > _FACING
+        pieces = Pieces.of(pairs, count)
+        large = pieces.large(template)[pieces.labels]
+        lies &= large[near] & large[:, None]
         rows = np.flatnonzero(lies.any(axis=1))
         if not len(rows):
             return NO_OVERLAPS
