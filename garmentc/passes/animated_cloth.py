@@ -20,6 +20,9 @@ from garmentc.smpl.skeleton import JOINT_COUNT
 
 _Floats = NDArray[np.float32]
 
+_LIES = 0.03
+"""Metres: what is as near to the skin at rest lies on it, and what is twice as far hangs."""
+
 _MOST_AT_REST = 6000
 """Rounds: more for edges so short that a second would take more."""
 
@@ -32,8 +35,8 @@ class Falling:
     apart     metres between them, at least: closer ones would need more rounds to be as stiff
     memory    seconds after which cloth goes back to where the pose alone would have it, to 1/e: what has slid off comes
               back
-    stays     metres that cloth sags in a second at rest until it has found its place; what goes twice as far is falling
-              off, and something must hold it
+    stays     metres that cloth sags in a second at rest until it has found its place; what lies on the body and goes
+              twice as far is falling off, and something must hold it
     first     rounds of falling at rest, the body still, before anything is shown,
     touching  in which it is asked so often what the cloth touches
     """
@@ -167,14 +170,18 @@ class AnimatedCloth:
 def _held(cloth: AnchoredCloth, firmness: _Floats, falling: Falling) -> _Floats:
     """Firmness (m,), with what something else holds that nobody has told of: buttons, straps, elastic.
 
-    An outfit hangs at rest as its author has it. What falls off a body that just stands there must be held.
+    An outfit hangs at rest as its author has it. What lies on the body and falls off it, though it just stands there,
+    must be held. What hangs, as the hem of a wide skirt does, may sag as far as it will.
     """
     rest, second = np.zeros((1, JOINT_COUNT, 3)), round(1 / falling.dynamics.round_time(cloth.springs))
     rounds = min(second, _MOST_AT_REST)
+    begin, skin = cloth.part.template.T[:, :, None].astype(np.float32), cloth.skin.planes(rest)
     fallen = cloth.fallen(rest, firmness, falling.dynamics, rounds, 30)
-    way = np.linalg.norm(fallen[:, :, 0] - cloth.part.template.T, axis=0)
-    falls_off = np.clip(way / falling.stays - 1, 0, 1)
-    held: _Floats = np.maximum(firmness, falls_off).astype(np.float32)
+    falls_off = np.clip(np.linalg.norm(fallen - begin, axis=0) / falling.stays - 1, 0, 1)
+    near = cloth.path(begin, skin, skin)
+    away = np.einsum("inp,inp->np", near.normals, begin) - near.before
+    lies = near.normals.any(axis=0) * np.clip(2 - away / _LIES, 0, 1)
+    held: _Floats = np.maximum(firmness, (lies * falls_off)[:, 0]).astype(np.float32)
     return held
 
 

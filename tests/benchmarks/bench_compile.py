@@ -24,6 +24,12 @@ from garmentc.smpl.skeleton import JOINT_NAMES
 SIZES = {"2k": (40, 50), "10k": (80, 125), "100k": (250, 400), "1M": (800, 1250)}
 """Rings and vertices around each."""
 
+ANIMATED = ("2k", "10k")
+SECONDS = 60
+"""Of motion that these are compiled with, too: the example's, forwards and backwards."""
+
+_MOTION = Path(__file__).parents[2] / "examples" / "motions" / "step_turn_raise.npz"
+
 _TIMED_COMPILE = """
 import json, sys, time
 import onnxruntime
@@ -94,10 +100,21 @@ def _radius(skin: np.ndarray, height: float, angle: float) -> float:
     return float(np.hypot(ray[:, 0], ray[:, 2] - skin[:, 2].mean()).max()) + 0.015
 
 
-def measure(outfit: Path, folder: Path, vertices: int) -> Measurement:
+def write_motion(path: Path, seconds: float) -> None:
+    """The example's motion to and fro, so that nothing jumps, until so much time has passed."""
+    with np.load(_MOTION) as example:
+        motion = dict(example)
+    count = len(motion["poses"])
+    frame = np.arange(round(seconds * float(motion["mocap_framerate"]))) % (2 * count - 2)
+    frame = np.minimum(frame, 2 * count - 2 - frame)
+    np.savez(path, **{**motion, "poses": motion["poses"][frame], "trans": motion["trans"][frame]})
+
+
+def measure(outfit: Path, folder: Path, vertices: int, *options: str) -> Measurement:
     """Compile `outfit` in a new process."""
     output, spent = folder / "out.glb", folder / "onnxruntime.json"
     command = [sys.executable, "-c", _TIMED_COMPILE, str(spent), "compile", str(outfit), "-o", str(output), "--json"]
+    command += options
     with (folder / "report.json").open("wb") as report:
         start = perf_counter()
         process = subprocess.Popen(command, stdout=report, stderr=subprocess.DEVNULL)
@@ -190,6 +207,14 @@ def main(names: list[str]) -> None:
             cells.append(f"{100 * operations * found.vertices / found.onnxruntime / peak:.0f} %")
             cells += [f"{found.peak_bytes / 2**30:.2f} GiB", f"{found.output_bytes / 2**20:.1f} MiB"]
             print("| " + " | ".join(cells) + " |", flush=True)
+        write_motion(Path(name) / "motion.npz", SECONDS)
+        print(f"\n| vertices | s without motion | s with {SECONDS} s of it | peak memory |\n|" + " ---: |" * 4)
+        for size in (size for size in names or SIZES if size in ANIMATED):
+            rings, around = SIZES[size]
+            options = ((), ("--motion", str(Path(name) / "motion.npz")))
+            both = [measure(Path(name) / f"tunic_{size}.obj", Path(name), rings * around, *some) for some in options]
+            cells = [*(f"{found.total:.1f}" for found in both), f"{both[1].peak_bytes / 2**30:.2f} GiB"]
+            print(f"| {rings * around} | " + " | ".join(cells) + " |", flush=True)
 
 
 if __name__ == "__main__":
