@@ -64,6 +64,9 @@ def along(cloth: AnimatedCloth, motion: Motion, rig: Rig) -> np.ndarray:
     for some in Stretches.of([motion], rig.joints):
         for number, settled in cloth.along(some):
             counts = some.shares[number] > 0
+            if settled is None:
+                assert not counts.any()
+                continue
             vertices[some.frames[number, counts]] += (settled * some.shares[number])[:, :, counts].T
     return vertices
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +11,10 @@ from worn import BODY, skirt, trousers
 
 from garmentc.families.held_cloth import held_cloth
 from garmentc.outfit.topology import edge_lengths, edges
-from garmentc.passes.animated_cloth import Falling
+from garmentc.passes.animated_cloth import AnimatedCloth, Falling
 from garmentc.passes.posed_skinning import PosedVertices
 from garmentc.passes.settle_animations import SettleAnimations, settle_animations
+from garmentc.passes.stretches import Stretches
 from garmentc.rig import Rig
 from garmentc.smpl.motion import Motion
 from garmentc.smpl.nearest import nearest_body_weights, signed_distance
@@ -74,6 +76,21 @@ def test_cloth_comes_out_of_the_skin_and_back_to_its_lengths(lazy: Rig) -> None:
     assert inside(after, motion) < 0.1 * inside(before, motion)
     assert stretched(after, lazy) < 0.8 * stretched(before, lazy)  # skin stretches too
     assert f"for {FRAMES} frames" in report.detail
+
+
+def test_what_is_interrupted_goes_no_further(lazy: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One stretch is, and another has long to go."""
+
+    def along(cloth: AnimatedCloth, stretches: Stretches) -> Iterator[tuple[int, np.ndarray]]:
+        if stretches.fps > 30:
+            raise KeyboardInterrupt
+        for _ in range(10_000):
+            yield len(stretches.poses) - 1, np.zeros((3, lazy.vertex_count, 1), np.float32)
+        pytest.fail("it went on")
+
+    monkeypatch.setattr(AnimatedCloth, "along", along)
+    with pytest.raises(KeyboardInterrupt):
+        settle_animations(lazy, lazy, ALL, [walk(3, fps=60), walk(4, fps=30)], loose(lazy), BODY)
 
 
 def test_other_poses_are_left_alone(lazy: Rig) -> None:

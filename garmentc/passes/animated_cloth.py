@@ -111,8 +111,9 @@ class AnimatedCloth:
         held = _held(falls, firmness[coarse.rows], falling)
         return cls(falls, held, settles, yielding, carried, falling, settling)
 
-    def along(self, stretches: Stretches) -> Iterator[tuple[int, _Floats]]:
-        """The frames of `stretches` that count, and where the anchors are there, (3, n, S), without translation."""
+    def along(self, stretches: Stretches) -> Iterator[tuple[int, _Floats | None]]:
+        """The frames of `stretches`, and where the anchors are there, (3, n, S), without translation; None where that
+        does not count."""
         last: _Frame | None = None
         for number, poses in enumerate(stretches.poses):
             posed, skin = posed_outfit(self.falls.part, poses), self.falls.skin.planes(poses)
@@ -122,8 +123,8 @@ class AnimatedCloth:
                 gone = stretches.ahead(number - 1)
                 cloth = self._advanced(last.seen_from(gone), posed.vertices, skin, gone, 1 / stretches.fps)
             last = _Frame(cloth, posed.vertices, skin)
-            if stretches.shares[number].any():
-                yield number, self._settle(poses, posed, skin, cloth.vertices)
+            counts = stretches.shares[number].any()
+            yield number, self._settle(poses, posed, skin, cloth.vertices) if counts else None
 
     def _begun(self, poses: NDArray[Any], ahead: NDArray[Any], fps: float) -> MovingCloth:
         """The cloth in `poses` (S, 24, 3), with the speed of bodies that go `ahead` (3, S) metres in a frame."""

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from threading import Lock
+from threading import Event, Lock
 from typing import Any
 
 import numpy as np
@@ -80,10 +80,7 @@ def settle_animations(
         cloth = AnimatedCloth.of(start, anchors, anchored, firmness, options.falling, options.settling)
         finished = take_vertices(rig, anchors.rows)
         lacking = np.zeros((len(poses), 3 * len(anchors.rows)), dtype=np.float32)
-        lock = Lock()
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            for filled in [pool.submit(_fill_in, lacking, some, cloth, finished, lock) for some in stretches]:
-                filled.result()
+        _fill_in(lacking, stretches, cloth, finished)
         added = SparseShapes.of(lacking, options.shapes, options.tolerance)
         keys = np.concatenate([rig.pose_keys(np.asarray(poses, np.float64)), added.amounts], axis=1)
     if not len(added.shapes):
@@ -98,14 +95,30 @@ def settle_animations(
     return settled, PassReport("settle animations", f"{detail}, {left:.1f} mm short of settled")
 
 
-def _fill_in(
-    lacking: NDArray[np.float32], stretches: Stretches, cloth: AnimatedCloth, finished: Rig, lock: Lock
-) -> None:
+def _fill_in(lacking: NDArray[np.float32], stretches: Sequence[Stretches], cloth: AnimatedCloth, finished: Rig) -> None:
     """Add to `lacking` (T, 3n) what anchors `finished` by the passes lack at rest in the frames of `stretches` to be
-    where the cloth is, times how much they count. At most two stretches share a frame, so their order means nothing."""
-    for number, settled in cloth.along(stretches):
-        after = posed_outfit(finished, stretches.poses[number])
-        way = after.at_rest(settled - after.vertices) * stretches.shares[number]
-        counts = stretches.shares[number] > 0
-        with lock:
-            lacking[stretches.frames[number, counts]] += way[:, :, counts].reshape(-1, counts.sum()).T
+    where the cloth is, times how much they count. At most two stretches share a frame, so their order means nothing.
+
+    What ends the wait for them, Ctrl-C for one, ends them too, within a frame.
+    """
+    lock, stopped = Lock(), Event()
+
+    def fill(some: Stretches) -> None:
+        for number, settled in cloth.along(some):
+            if stopped.is_set():
+                return
+            if settled is None:
+                continue
+            after = posed_outfit(finished, some.poses[number])
+            way = after.at_rest(settled - after.vertices) * some.shares[number]
+            counts = some.shares[number] > 0
+            with lock:
+                lacking[some.frames[number, counts]] += way[:, :, counts].reshape(-1, counts.sum()).T
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        try:
+            for filled in [pool.submit(fill, some) for some in stretches]:
+                filled.result()
+        except BaseException:
+            stopped.set()
+            raise
