@@ -85,7 +85,8 @@ def test_which_sheet_lies_over_which_is_seen_from_the_skin() -> None:
     faces = faces[:, ::-1] if np.cross(*np.diff(skin[faces[0]], axis=0))[1] < 0 else faces
     vertices, triangles = together(grid(0.4, 41, 0.01), grid(0.4, 41, 0), grid(0.4, 41, 0.1))
     up = np.tile([0.0, 1, 0], (len(vertices), 1))
-    overlaps = Overlaps.of(vertices, up, edges(triangles), skin, faces)
+    pairs = edges(triangles)
+    overlaps = Overlaps.of(vertices, up, pairs, Pieces.of(pairs, len(vertices)), skin, faces)
     count = 41 * 41
     np.testing.assert_array_equal(overlaps.over, np.arange(count))
     np.testing.assert_array_equal(overlaps.beneath, np.arange(count, 2 * count))
@@ -104,7 +105,8 @@ def test_a_strap_lies_over_what_it_is_sewn_to_at_its_ends() -> None:
     pairs = [edges(triangles), *(np.column_stack([row[:-1], row[1:]]) for row in (first, second))]
     pairs += [np.column_stack([first, second]), np.array([[441, 9], [461, 429]])]
     up = np.tile([0.0, 1, 0], (len(vertices), 1))
-    overlaps = Overlaps.of(vertices, up, np.concatenate(pairs), skin, faces)
+    joined = np.concatenate(pairs)
+    overlaps = Overlaps.of(vertices, up, joined, Pieces.of(joined, len(vertices)), skin, faces)
     assert {*first[4:-4], *second[4:-4]} <= set(overlaps.over) <= {*first[2:-2], *second[1:-1]}
     assert (overlaps.beneath < 441).all()
     assert np.linalg.norm(vertices[overlaps.over] - vertices[overlaps.beneath], axis=1).max() < 0.016

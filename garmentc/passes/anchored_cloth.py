@@ -66,7 +66,7 @@ class AnchoredCloth:
         return cls(
             part,
             pieces,
-            Overlaps.of(part.template, anchors.normals, pairs, body.shaped(betas), body.faces),
+            Overlaps.of(part.template, anchors.normals, pairs, pieces, body.shaped(betas), body.faces),
             springs,
             Bulging.of(rig.template, joined, anchors.rows, springs, bulge),
             NearbySkin.of(part, anchors.normals, body, betas, searched),

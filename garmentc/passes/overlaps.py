@@ -59,10 +59,12 @@ class Overlaps:
         template: NDArray[Any],
         normals: NDArray[Any],
         pairs: NDArray[Any],
+        pieces: Pieces,
         skin: NDArray[Any],
         faces: NDArray[Any],
     ) -> Overlaps:
-        """Of `template` (n, 3) with unit `normals` (n, 3), which `pairs` (K, 2) join, on the `skin` (V, 3), (F, 3).
+        """Of `template` (n, 3) with unit `normals` (n, 3), which `pairs` (K, 2) join to `pieces`, on the `skin` (V, 3),
+        (F, 3).
 
         Layers need not be pieces: the straps of dungarees, sewn to a shirt, lie over it. Small pieces are none.
         """
@@ -75,7 +77,6 @@ class Overlaps:
         height = np.einsum("nki,nki->nk", template[:, None] - template[near], normals[near])
         lies = np.isfinite(distance) & (height > _STEEPEST * distance)
         lies &= np.einsum("ni,nki->nk", normals, normals[near]) > _FACING
-        pieces = Pieces.of(pairs, count)
         large = pieces.large(template)[pieces.labels]
         lies &= large[near] & large[:, None]
         rows = np.flatnonzero(lies.any(axis=1))
