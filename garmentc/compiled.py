@@ -14,6 +14,9 @@ def compiled(function: _Function) -> _Function:
     Sums are added up in the order in which they are written, and products stay products, so results do not depend on
     the width of a processor's registers. Machine code is kept beside the package, or else among the user's cached
     files; where nothing can be written, it is made anew in every process, which takes some seconds.
+
+    Among compiled functions it may call those of its own file only: what is kept holds them too, and is thrown away
+    when that file changes, but not when another does.
     """
     from numba import njit
 

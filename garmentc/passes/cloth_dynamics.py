@@ -109,17 +109,23 @@ def advanced(
     slid = skin.slid / np.float32(rounds)
     firm = np.flatnonzero(held[0])
     begin, end = (np.take(place, firm, axis=1) for place in held[1:])
+    firmness, lacking = held[0][firm], np.empty((len(overlaps.over), cloth.vertices.shape[2]), np.float32)
     now, step = np.array(cloth.vertices), np.array(cloth.step)
-    return MovingCloth(
-        *_after_rounds(
-            rounds,
-            (now, step, fall, kept, wind),
-            (springs.begins, springs.others, springs.apart, stiffness, smoothing),
-            (normals, before, after, slid, friction),
-            (overlaps.over, overlaps.beneath, overlaps.gaps),
-            (firm, held[0][firm], begin, end),
-        )
-    )
+    ahead, there, pressed = np.empty_like(now), np.empty_like(now), np.empty_like(now[0])
+    for number in range(1, rounds + 1):
+        share = np.float32(number / rounds)
+        _coast(now, step, fall, ahead)
+        pulled_along(ahead, springs.begins, springs.others, springs.apart, stiffness, there)
+        _stop(there, now, normals, before, after, slid, share, friction, pressed)
+        lift(there, normals, overlaps.over, overlaps.beneath, overlaps.gaps, lacking)
+        _hold(there, firm, firmness, begin, end, share)
+        _go(now, there, normals, slid, pressed, step)
+        if smoothing > 0:
+            smoothed(step, springs.begins, springs.others, smoothing, ahead)
+            step, ahead = ahead, step
+        _damp(step, kept, wind)
+        now, there = there, now
+    return MovingCloth(now, step)
 
 
 @compiled
@@ -211,36 +217,3 @@ def _damp(step: _Floats, kept: np.float32, wind: _Floats) -> None:
         for i in range(count):
             for p in range(poses):
                 step[axis, i, p] = step[axis, i, p] * kept + wind[axis, p]
-
-
-@compiled
-def _after_rounds(
-    rounds: int,
-    motion: tuple[_Floats, _Floats, _Floats, np.float32, _Floats],
-    cloth: tuple[NDArray[np.int32], NDArray[np.int32], _Floats, _Floats, np.float32],
-    skin: tuple[_Floats, _Floats, _Floats, _Floats, np.float32],
-    layers: tuple[NDArray[np.intp], NDArray[np.intp], _Floats],
-    held: tuple[NDArray[np.intp], _Floats, _Floats, _Floats],
-) -> tuple[_Floats, _Floats]:
-    """Vertices (3, n, P) and their last steps after so many rounds, from what `advanced` has prepared."""
-    now, step, fall, kept, wind = motion
-    begins, others, apart, stiffness, smoothing = cloth
-    normals, before, after, slid, friction = skin
-    over, beneath, gaps = layers
-    firm, firmness, begin, end = held
-    ahead, there, pressed = np.empty_like(now), np.empty_like(now), np.empty_like(now[0])
-    lacking = np.empty((len(over), now.shape[2]), np.float32)
-    for number in range(1, rounds + 1):
-        share = np.float32(number / rounds)
-        _coast(now, step, fall, ahead)
-        pulled_along(ahead, begins, others, apart, stiffness, there)
-        _stop(there, now, normals, before, after, slid, share, friction, pressed)
-        lift(there, normals, over, beneath, gaps, lacking)
-        _hold(there, firm, firmness, begin, end, share)
-        _go(now, there, normals, slid, pressed, step)
-        if smoothing > 0:
-            smoothed(step, begins, others, smoothing, ahead)
-            step, ahead = ahead, step
-        _damp(step, kept, wind)
-        now, there = there, now
-    return now, step
