@@ -12,13 +12,18 @@ from numpy.typing import NDArray
 from garmentc.emission import file_meshes
 from garmentc.layer import Dressed, Layer
 from garmentc.options import CompileOptions
+from garmentc.passes.anchored_cloth import AnchoredCloth
+from garmentc.passes.anchors import Anchors
 from garmentc.passes.blas import single_threaded_blas
 from garmentc.passes.follow_skin import CLINGING, FollowSkin, follow_skin
+from garmentc.passes.hidden_keys import HiddenKeys, hidden_keys
 from garmentc.passes.keep_tucked import KeepTucked, keep_tucked
+from garmentc.passes.let_fall import LetFall, let_fall
 from garmentc.passes.limit_influences import LimitInfluences, limit_influences
 from garmentc.passes.morph_normals import MorphNormals, morph_normals
 from garmentc.passes.nonnegative_weights import NonnegativeWeights, nonnegative_weights
 from garmentc.passes.pose_set import PoseSet, plausible_poses
+from garmentc.passes.principal_shapes import principal_shapes
 from garmentc.passes.prune_morphs import PruneMorphs, prune_morphs
 from garmentc.passes.quantize import Quantize, quantize
 from garmentc.passes.reduce_blend_shapes import ReduceBlendShapes, reduce_blend_shapes
@@ -30,6 +35,9 @@ from garmentc.rig import Rig
 
 CHECKED_POSES = 32
 """Poses that the error of a pass is measured on; a quarter as many frames of the motions join them."""
+
+_ANCHORS = 3000
+"""Vertices that fall and settle in the poses to fit, at most; those between them move with them."""
 
 Pass = Callable[[Rig, PoseSet], tuple[Rig, PassReport]]
 
@@ -57,15 +65,24 @@ def passes(inferred: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Pa
         """What does not fall: what the skin holds, and what is no cloth."""
         return np.maximum(cloth.firmness, rigid_pieces(start(poses), poses))
 
+    @cache
+    def falling(poses: PoseSet) -> AnchoredCloth:
+        rig = start(poses)
+        return AnchoredCloth.of(rig, Anchors.of(rig, _ANCHORS), body, betas, poses.some(LetFall().poses))
+
     steps: list[Pass] = [
         lambda rig, poses: follow_skin(rig, FollowSkin(), poses, body, betas),
         lambda rig, poses: limit_influences(rig, influences, poses),
-        # Needs the final weights, and works best with all keys that the network has.
-        lambda rig, poses: resolve_collisions(
-            rig, ResolveCollisions(), poses, body, betas, start=start(poses), firmness=firmness(poses)
-        ),
+        lambda rig, poses: hidden_keys(rig, HiddenKeys(), poses),
+        # Needs the final weights, and works best with all keys that there are.
+        lambda rig, poses: let_fall(rig, falling(poses), LetFall(), poses, firmness(poses)),
         lambda rig, poses: reduce_blend_shapes(rig, reduction, poses),
-        # Makes up for what the reduction has left out, too.
+        # Makes up for what the reduction has left out, too, and is faster and smoother on fewer shapes.
+        lambda rig, poses: resolve_collisions(rig, falling(poses), ResolveCollisions(), poses, body, betas),
+    ]
+    if balanced:
+        steps.append(principal_shapes)
+    steps += [
         lambda rig, poses: settle_animations(
             rig, start(poses), settling, dressed.motions, firmness(poses), body, betas
         ),

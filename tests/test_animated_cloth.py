@@ -47,7 +47,7 @@ def worn() -> tuple[Rig, np.ndarray]:
 
 def animated(rig: Rig, firmness: np.ndarray, poses: np.ndarray, falling: Falling | None = None) -> AnimatedCloth:
     def anchored(anchors: Anchors) -> AnchoredCloth:
-        return AnchoredCloth.of(rig, anchors, BODY, None, searched=poses, clearance=0.005, bulge=0.005)
+        return AnchoredCloth.of(rig, anchors, BODY, None, poses)
 
     settling = Settling()
     return AnimatedCloth.of(rig, Anchors.of(rig, settling.anchors), anchored, firmness, falling or Falling(), settling)

@@ -11,7 +11,10 @@ from worn import BODY, collided, trousers
 
 from garmentc.evaluation.metrics import bend, edge_mm
 from garmentc.outfit.topology import edge_lengths, edges
-from garmentc.passes.pose_set import PoseSet, plausible_poses
+from garmentc.passes.anchored_cloth import BULGE, AnchoredCloth
+from garmentc.passes.anchors import Anchors
+from garmentc.passes.body_contacts import CLEARANCE
+from garmentc.passes.pose_set import plausible_poses
 from garmentc.passes.report import PassReport
 from garmentc.passes.resolve_collisions import ResolveCollisions, resolve_collisions
 from garmentc.rig import DenseLayer, KeyNetwork, Rig
@@ -19,8 +22,22 @@ from garmentc.smpl.nearest import signed_distance
 from garmentc.smpl.skeleton import JOINT_NAMES
 
 POSES = plausible_poses(fit=512, check=64)
-# For which the bounds hold. Standing off for what bulges between vertices stretches a tight garment.
-SETTINGS = ResolveCollisions(bulge=0, poses=128)
+SETTINGS = ResolveCollisions(poses=128)
+
+
+def resolve(
+    rig: Rig,
+    settings: ResolveCollisions = SETTINGS,
+    betas: np.ndarray | None = None,
+    *,
+    anchors: int = 3000,
+    bulge: float = 0,  # standing off for what bulges between vertices stretches a tight garment
+    clearance: float = CLEARANCE,
+) -> tuple[Rig, PassReport]:
+    cloth = AnchoredCloth.of(
+        rig, Anchors.of(rig, anchors), BODY, betas, POSES.some(settings.poses), clearance=clearance, bulge=bulge
+    )
+    return resolve_collisions(rig, cloth, settings, POSES, BODY, betas)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +47,7 @@ def garment() -> Rig:
 
 @pytest.fixture(scope="module")
 def resolved(garment: Rig) -> tuple[Rig, PassReport]:
-    return resolve_collisions(garment, SETTINGS, POSES, BODY)
+    return resolve(garment)
 
 
 def test_collisions_at_least_halve_in_unseen_poses(garment: Rig, resolved: tuple[Rig, PassReport]) -> None:
@@ -62,7 +79,7 @@ def test_a_shin_that_sinks_in_as_a_whole_comes_out_as_a_whole(garment: Rig) -> N
     weights[:, JOINT_NAMES.index("left_hip")] += 0.4 * weights[:, JOINT_NAMES.index("left_knee")]
     weights[:, JOINT_NAMES.index("left_knee")] *= 0.6
     lazy = replace(garment, weights=weights)
-    rig, _ = resolve_collisions(lazy, SETTINGS, POSES, BODY)
+    rig, _ = resolve(lazy)
     poses = POSES.check[:8]
     before = collided(lazy, poses)
     assert before > 0.03
@@ -75,18 +92,18 @@ def test_skin_does_not_bulge_out_between_the_vertices_of_coarse_cloth() -> None:
 
     def poked(bulge: float) -> float:
         """The share of triangles whose middle is inside the body."""
-        rig, _ = resolve_collisions(coarse, replace(SETTINGS, bulge=bulge, clearance=0.002), POSES, BODY)
+        rig, _ = resolve(coarse, bulge=bulge, clearance=0.002)
         middles = rig.posed(poses)[:, rig.triangles].mean(axis=2)
         skins = BODY.posed(poses)
         return float(np.mean([signed_distance(m, b, BODY.faces) < 0 for m, b in zip(middles, skins, strict=True)]))
 
-    assert poked(ResolveCollisions().bulge) < 0.8 * poked(0)
+    assert poked(BULGE) < 0.8 * poked(0)
 
 
 def test_edges_come_back_to_their_lengths_in_unseen_poses() -> None:
     """Loose cloth, which has little to do with the body."""
     loose, poses = trousers(gap=0.02), POSES.check[:24]
-    rig, _ = resolve_collisions(loose, SETTINGS, POSES, BODY)
+    rig, _ = resolve(loose)
     assert stretch(rig, poses) < 0.95 * stretch(loose, poses)
 
 
@@ -106,10 +123,7 @@ def test_a_lace_does_not_run_wild() -> None:
         blend_shapes=np.zeros((whole.morph_count, count, 3), np.float32),
     )
     poses = POSES.fit[:24]
-    relaxed = [
-        resolve_collisions(rig, replace(SETTINGS, settling=(rounds,), ridge=0.01), POSES, BODY)[0]
-        for rounds in (20, 200)
-    ]
+    relaxed = [resolve(rig, replace(SETTINGS, settling=(rounds,), ridge=0.01))[0] for rounds in (20, 200)]
     assert stretch(relaxed[0], poses) < stretch(rig, poses)
     assert stretch(relaxed[1], poses) < stretch(rig, poses)
 
@@ -137,19 +151,19 @@ def test_what_is_far_from_the_body_and_moves_as_one_is_left_alone(garment: Rig) 
     weights = np.zeros_like(garment.weights)
     weights[:, 0] = 1
     far = replace(garment, template=garment.template + np.array([0, 0, 3.0]), weights=weights)
-    rig, _ = resolve_collisions(far, ResolveCollisions(poses=8), POSES, BODY)
+    rig, _ = resolve(far, ResolveCollisions(poses=8))
     assert np.abs(rig.blend_shapes).max() < 1e-4
 
 
 def test_few_anchors_move_the_vertices_between_them(garment: Rig) -> None:
     poses = POSES.check[:12]
-    rig, _ = resolve_collisions(garment, replace(SETTINGS, anchors=400), POSES, BODY)
+    rig, _ = resolve(garment, anchors=400)
     assert garment.vertex_count > 1000
     assert collided(rig, poses) < 0.6 * collided(garment, poses)
 
 
 def test_the_same_twice(garment: Rig, resolved: tuple[Rig, PassReport]) -> None:
-    again, report = resolve_collisions(garment, SETTINGS, POSES, BODY)
+    again, report = resolve(garment)
     np.testing.assert_array_equal(again.blend_shapes, resolved[0].blend_shapes)
     assert report == resolved[1]
 
@@ -158,13 +172,13 @@ def test_a_body_of_another_shape(garment: Rig) -> None:
     """Trousers cut for a thinner body: they are inside everywhere, and come out."""
     betas = np.array([0.0, 1.0])
     tight = replace(garment, joints=BODY.joints(betas))
-    rig, _ = resolve_collisions(tight, ResolveCollisions(poses=24), POSES, BODY, betas)
+    rig, _ = resolve(tight, ResolveCollisions(poses=24), betas)
     assert np.abs(rig.blend_shapes).max() > 1e-4
 
 
 def test_a_rig_without_blend_shapes_cannot_be_helped() -> None:
     bare = make_rig(morphs=0, normals=False)
-    rig, report = resolve_collisions(bare, ResolveCollisions(), PoseSet(POSES.fit[:4], POSES.check[:4]), BODY)
+    rig, report = resolve(bare)
     assert rig is bare
     assert report.error is None
 
@@ -174,6 +188,6 @@ def test_keys_that_never_move_cannot_help(garment: Rig) -> None:
     still = KeyNetwork((DenseLayer(np.zeros((1, 72), np.float32), np.zeros(1, np.float32), "linear"),))
     shape = np.zeros_like(garment.blend_shapes[:1])
     rig = Rig(garment.template, garment.triangles, garment.joints, garment.weights, shape, still)
-    unchanged, report = resolve_collisions(rig, SETTINGS, POSES, BODY)
+    unchanged, report = resolve(rig)
     assert unchanged is rig
     assert "no pose keys" in report.detail

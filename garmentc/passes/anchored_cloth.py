@@ -10,30 +10,40 @@ from numpy.typing import NDArray
 
 from garmentc.outfit.topology import edges
 from garmentc.passes.anchors import Anchors
-from garmentc.passes.body_contacts import REACH, Planes, wanted_clearance
+from garmentc.passes.body_contacts import CLEARANCE, REACH, Planes, wanted_clearance
 from garmentc.passes.bulging import Bulging
 from garmentc.passes.cloth_dynamics import ClothDynamics, MovingCloth, SkinPath, advanced
 from garmentc.passes.nearby_skin import NearbySkin
 from garmentc.passes.overlaps import Overlaps
 from garmentc.passes.part_of_rig import take_vertices
 from garmentc.passes.pieces import Pieces, sewn_on
+from garmentc.passes.pose_set import farthest_apart
 from garmentc.passes.posed_cloth import PosedCloth
 from garmentc.passes.posed_skinning import PosedVertices, posed_outfit
 from garmentc.passes.springs import Springs
 from garmentc.rig import Rig
 from garmentc.smpl.body import BodyModel
 
+_SEARCHED = 24
+"""Poses in which all of the skin is searched for what is nearest to a vertex."""
+
+BULGE = 0.005
+"""Metres: between the vertices of coarse cloth the skin of a round limb rises. Cloth keeps that distance too, but at
+most this much."""
+
 
 @dataclass(frozen=True)
 class AnchoredCloth:
     """n anchors of an outfit.
 
-    part      the rig of the anchors alone
+    anchors   which vertices they are
+    part      the rig of those alone
     pieces    what of them hangs together
     overlaps  what lies over what
     wanted    (n,) float32 metres that they should keep from the skin beyond what that bulges out
     """
 
+    anchors: Anchors
     part: Rig
     pieces: Pieces
     overlaps: Overlaps
@@ -49,27 +59,28 @@ class AnchoredCloth:
         anchors: Anchors,
         body: BodyModel,
         betas: NDArray[Any] | None,
+        poses: NDArray[Any],
         *,
-        searched: NDArray[Any],
-        clearance: float,
-        bulge: float,
+        clearance: float = CLEARANCE,
+        bulge: float = BULGE,
     ) -> AnchoredCloth:
         """The `anchors` of `rig` on its body.
 
-        searched   (P, 24, 3) poses in which all of the skin is searched for what is nearest to a vertex
-        clearance  metres, see `wanted_clearance`
-        bulge      metres, see `Bulging`
+        poses      (P, 24, 3) what it will be in
+        clearance  metres that loose cloth should keep beyond what all cloth should; where less is there at rest, less
+        bulge      metres that it keeps at most for skin that bulges out between vertices
         """
         joined, part = edges(rig.triangles), take_vertices(rig, anchors.rows)
         pairs, pieces = sewn_on(part.template, anchors.joined(joined))
         springs = Springs.of(part.template, pairs)
         return cls(
+            anchors,
             part,
             pieces,
             Overlaps.of(part.template, anchors.normals, pairs, pieces, body.shaped(betas), body.faces),
             springs,
             Bulging.of(rig.template, joined, anchors.rows, springs, bulge),
-            NearbySkin.of(part, anchors.normals, body, betas, searched),
+            NearbySkin.of(part, anchors.normals, body, betas, farthest_apart(poses, _SEARCHED)),
             wanted_clearance(part, body, betas, clearance),
         )
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from garmentc.errors import GarmentcError
 from garmentc.passes.blas import single_threaded_blas
+from garmentc.passes.mixed_shapes import mixed_keys
 from garmentc.passes.pose_set import PoseSet, keys_to_fit
-from garmentc.passes.reduce_blend_shapes import mixed_keys
 from garmentc.passes.report import PassReport
 from garmentc.rig import KeyNetwork, Rig
 

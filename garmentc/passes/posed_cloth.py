@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +12,6 @@ from garmentc.passes.posed_skinning import PosedVertices
 from garmentc.passes.springs import Springs, pulled_along
 
 _Floats = NDArray[np.float32]
-
-_MOST_SHRUNK = 0.1
-"""Share of a squared length that skinning leaves at least, as far as it is made up for: in cloth that it all but
-collapses to a point, no movement at rest is large enough."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +31,8 @@ class PosedCloth:
         """How far cloth with the rest-space displacements `moved` settles, (3, n, P), in rest space too."""
         start = self.posed.vertices + self.posed.turned(moved)
         if not rounds:  # only out of the skin
-            return self.at_rest(self.way_out(start))
-        return self.at_rest(self.settled(start, springs, rounds, relaxation, momentum) - start)
+            return self.posed.nearly_at_rest(self.way_out(start))
+        return self.posed.nearly_at_rest(self.settled(start, springs, rounds, relaxation, momentum) - start)
 
     def settled(
         self,
@@ -69,22 +64,6 @@ class PosedCloth:
         np.maximum(lacking, 0, out=lacking)
         way: _Floats = self.normals * lacking
         return way
-
-    def at_rest(self, way: _Floats) -> _Floats:
-        """What skinning makes `way` (3, n, P) of, nearly: it turns, and shrinks where joints' rotations are mixed.
-
-        The exact way, `PosedVertices.at_rest`, lets what is regressed on keys grow where skinning all but collapses.
-        """
-        result: _Floats = self.posed.turned_back(way)
-        result /= self._shrunk
-        return result
-
-    @cached_property
-    def _shrunk(self) -> _Floats:
-        """(n, P) the square of what skinning leaves of a length, the mean over all directions."""
-        turn = self.posed.turn
-        shrunk: _Floats = np.maximum(np.einsum("ijnp,ijnp->np", turn, turn) / np.float32(3), np.float32(_MOST_SHRUNK))
-        return shrunk
 
 
 @compiled

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,9 @@ _Floats = NDArray[np.float32]
 _DAMPING = 0.003
 """Share of a squared length: where skinning leaves less, that is made up for in part only, for what it all but
 collapses to a point would have to move too far."""
+
+_MOST_SHRUNK = 0.1
+"""Share of a squared length that skinning leaves at least, as far as it is made up for where movements are fitted."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,22 @@ class PosedVertices:
         )
         result *= (1 + _DAMPING) / (xx * a + xy * b + xz * c)
         return result
+
+    def nearly_at_rest(self, way: NDArray[Any]) -> NDArray[Any]:
+        """What skinning makes `way` (3, n, P) of, nearly: it turns, and shrinks where joints' rotations are mixed.
+
+        The exact way, `at_rest`, lets what is regressed on keys grow where skinning all but collapses.
+        """
+        result = self.turned_back(way)
+        result /= self._shrunk
+        return result
+
+    @cached_property
+    def _shrunk(self) -> NDArray[Any]:
+        """(n, P) the square of what skinning leaves of a length, the mean over all directions."""
+        mean = np.einsum("ijnp,ijnp->np", self.turn, self.turn) / self.turn.dtype.type(3)
+        shrunk: NDArray[Any] = np.maximum(mean, self.turn.dtype.type(_MOST_SHRUNK))
+        return shrunk
 
 
 def posed_outfit(rig: Rig, poses: NDArray[Any], dtype: type[np.floating[Any]] = np.float32) -> PosedVertices:

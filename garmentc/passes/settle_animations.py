@@ -16,9 +16,7 @@ from garmentc.passes.anchored_cloth import AnchoredCloth
 from garmentc.passes.anchors import Anchors
 from garmentc.passes.animated_cloth import AnimatedCloth, Falling, Settling
 from garmentc.passes.blas import single_threaded_blas
-from garmentc.passes.body_contacts import CLEARANCE
 from garmentc.passes.part_of_rig import take_vertices
-from garmentc.passes.pose_set import farthest_apart
 from garmentc.passes.posed_skinning import posed_outfit
 from garmentc.passes.report import PassReport
 from garmentc.passes.sparse_shapes import SparseShapes
@@ -32,17 +30,13 @@ from garmentc.smpl.motion import Motion
 class SettleAnimations:
     """How the cloth moves, and how much of it is kept.
 
-    shapes      blend shapes to add, at most
-    tolerance   metres: fewer where what is left out is this much, root mean square
-    clearance, bulge, searched   as in `ResolveCollisions`
-    falling, settling            see `AnimatedCloth`
+    shapes              blend shapes to add, at most
+    tolerance           metres: fewer where what is left out is this much, root mean square
+    falling, settling   see `AnimatedCloth`
     """
 
     shapes: int = 32
     tolerance: float = 5e-4
-    clearance: float = CLEARANCE
-    bulge: float = 0.005
-    searched: int = 24
     falling: Falling = field(default_factory=Falling)
     settling: Settling = field(default_factory=Settling)
 
@@ -68,13 +62,10 @@ def settle_animations(
     poses = np.concatenate([motion.poses for motion in motions])
     stretches = Stretches.of(motions, rig.joints)
     with single_threaded_blas():
-        seen = [some.poses.reshape(-1, *poses.shape[1:]) for some in stretches]
-        searched = farthest_apart(np.concatenate(seen), options.searched)
+        seen = np.concatenate([some.poses.reshape(-1, *poses.shape[1:]) for some in stretches])
 
         def anchored(anchors: Anchors) -> AnchoredCloth:
-            return AnchoredCloth.of(
-                start, anchors, body, betas, searched=searched, clearance=options.clearance, bulge=options.bulge
-            )
+            return AnchoredCloth.of(start, anchors, body, betas, seen)
 
         anchors = Anchors.of(rig, options.settling.anchors)
         cloth = AnimatedCloth.of(start, anchors, anchored, firmness, options.falling, options.settling)
