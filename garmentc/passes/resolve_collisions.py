@@ -51,7 +51,7 @@ class ResolveCollisions:
     """
 
     poses: int = 384
-    settling: tuple[int, ...] = (20, 20, 5, 2, 2, 2)
+    settling: tuple[int, ...] = (20, 10, 2, 2, 2, 2)
     ridge: float = 0.2
     most: int = 32
     relaxation: float = 1.2

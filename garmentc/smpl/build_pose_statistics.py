@@ -41,7 +41,9 @@ def pose_statistics(clips: Sequence[NDArray[np.float64]]) -> PoseStatistics:
     values, axes = np.linalg.eigh((centred * weight[:, None]).T @ centred)
     largest = values.argsort()[::-1]
     factor = axes[:, largest] * np.sqrt(np.maximum(values[largest], 0.0))
-    factor *= np.sign(factor[np.abs(factor).argmax(axis=0), np.arange(factor.shape[1])])
+    # Left and right go equally far: which of them is larger is a matter of rounding, so the first such entry counts.
+    far = np.abs(factor) > 0.99 * np.abs(factor).max(axis=0)
+    factor *= np.sign(factor[far.argmax(axis=0), np.arange(factor.shape[1])])
     low, high = np.quantile(samples, [_TAIL, 1 - _TAIL], axis=0)
     return PoseStatistics(*(array.astype(np.float32) for array in (mean, factor, low, high)))
 
