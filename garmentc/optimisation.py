@@ -46,7 +46,7 @@ def passes(inferred: Rig, options: CompileOptions, dressed: Dressed) -> tuple[Pa
     """The passes for a rig as the networks have made it, in the order in which they run."""
     settings, body, betas = options.settings, dressed.alignment.body, dressed.alignment.betas
     cloth, influences = dressed.cloth, LimitInfluences(settings.influences)
-    # One blend shape is no choice: it keeps its weights of both signs. All of them stay as the network has them.
+    # One blend shape is no choice: it keeps its weights of both signs. All of them stay as they are.
     balanced = options.morph_tolerance is not None or (settings.morphs or 0) > 1
     count = settings.morphs - 1 if balanced and settings.morphs else settings.morphs
     reduction = ReduceBlendShapes(None if options.morph_tolerance else count, options.morph_tolerance)

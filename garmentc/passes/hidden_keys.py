@@ -9,19 +9,23 @@ from numpy.typing import NDArray
 
 from garmentc.passes.blas import single_threaded_blas
 from garmentc.passes.mixed_shapes import gram, mixed_keys, mixed_shapes
+from garmentc.passes.part_of_rig import spread_vertices
 from garmentc.passes.pose_set import PoseSet, keys_to_fit
 from garmentc.passes.posed_error import posed_error
 from garmentc.passes.report import PassReport
 from garmentc.rig import KeyNetwork, Rig
 from garmentc.smpl.skeleton import JOINT_COUNT
 
+_MEASURED = 4096
+"""Vertices whose movement says how much is kept."""
+
 
 @dataclass(frozen=True)
 class HiddenKeys:
     """When to do it.
 
-    ridge   how much a key must move the outfit to be used, relative to the mean square of the hidden units
-    faithful   share of the squared movement that must be kept; a network whose later layers do more stays as it is
+    ridge     of the least squares that fit the new keys to the old, relative to the new ones' mean square
+    faithful  share of the squared movement that must be kept; a network whose later layers do more stays as it is
     """
 
     ridge: float = 0.03
@@ -46,7 +50,8 @@ def hidden_keys(rig: Rig, options: HiddenKeys, poses: PoseSet) -> tuple[Rig, Pas
         network = KeyNetwork(rig.keys.layers[:1], rig.keys.encoding)
         moment, axes, units = _principal(network, np.asarray(poses.fit, np.float64), rig.morph_count)
         weights = units.T @ keys / len(keys) / (moment + options.ridge * moment.mean())[:, None]
-        left, products = keys - units @ weights, gram(rig.blend_shapes)
+        some = spread_vertices(rig.vertex_count, _MEASURED)
+        left, products = keys - units @ weights, gram(np.take(rig.blend_shapes, some, axis=1))
         kept = 1 - _squared(left, products) / max(_squared(keys, products), np.finfo(float).tiny)
         if kept < options.faithful:
             return rig, PassReport("hidden keys", "the network's own are kept: its first layer says too little")
