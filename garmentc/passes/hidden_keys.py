@@ -57,7 +57,7 @@ def hidden_keys(rig: Rig, options: HiddenKeys, poses: PoseSet) -> tuple[Rig, Pas
             return rig, PassReport("hidden keys", "the network's own are kept: its first layer says too little")
         shapes = mixed_shapes(weights, rig.blend_shapes)
         hidden = replace(rig, blend_shapes=shapes, blend_normals=None, keys=mixed_keys(network, axes.T))
-    detail = f"{len(axes)} units for {len(rig.keys.layers)} layers, {100 * kept:.1f} % of the squared movement kept"
+    detail = f"{len(axes)} units of the first layer, {100 * kept:.1f} % of the squared movement kept"
     return hidden, PassReport("hidden keys", detail, posed_error(rig, hidden, poses.check))
 
 

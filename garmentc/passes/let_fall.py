@@ -27,7 +27,7 @@ _POSES_AT_ONCE = 32
 class LetFall:
     """How long, and in how many poses.
 
-    poses     how many
+    poses     how many; with fewer, more skin shows in poses that are like none of them
     dynamics  of the cloth that falls
     rounds    of falling in every pose by itself; so few that cloth stays near to where the networks have it, which
               know of what came before a pose
@@ -37,7 +37,7 @@ class LetFall:
               crumples in one pose must not in all
     """
 
-    poses: int = 256
+    poses: int = 512
     dynamics: ClothDynamics = field(default_factory=lambda: ClothDynamics(smoothing=0))
     rounds: int = 60
     touching: int = 2
