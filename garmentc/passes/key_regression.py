@@ -30,6 +30,13 @@ class KeyRegression:
     kept: NDArray[np.float32]
 
     @classmethod
+    def of(cls, rig: Rig, poses: NDArray[np.float64], ridge: float, most: int | None = None) -> KeyRegression | None:
+        """On the keys that `rig` has in `poses` (P, 24, 3), see `on`; None where it has none that move, as a bundle of
+        blend weights alone has."""
+        keys = rig.pose_keys(poses)
+        return cls.on(keys, ridge, most) if keys.any() else None
+
+    @classmethod
     def on(cls, keys: NDArray[np.float64], ridge: float, most: int | None = None) -> KeyRegression:
         """On `keys` (P, M).
 

@@ -58,12 +58,7 @@ def let_fall(
     skin that they lay over at rest, and what hangs goes on to hang. What `rig` lacks to that is regressed on the keys
     that it already has, so nothing is added at run time, and the rest pose stays as it is because keys are 0 there.
     """
-    if rig.keys is None or not rig.morph_count:
-        return rig, PassReport("let fall", "no blend shapes that could say it")
     fit = poses.some(options.poses)
-    keys = rig.pose_keys(fit)
-    if not keys.any():  # a bundle of blend weights alone
-        return rig, PassReport("let fall", "no pose keys that move")
     part, held = take_vertices(rig, cloth.anchors.rows), firmness[cloth.anchors.rows]
 
     def lacking(block: NDArray[Any]) -> NDArray[np.float32]:
@@ -73,7 +68,9 @@ def let_fall(
         return way
 
     with single_threaded_blas():
-        regression = KeyRegression.on(keys, options.ridge)
+        regression = KeyRegression.of(rig, fit, options.ridge)
+        if regression is None:
+            return rig, PassReport("let fall", "no pose keys that move")
         ways = np.concatenate(over_blocks(lacking, fit, _POSES_AT_ONCE), axis=2)
         shapes = ways @ regression.weights
         for _ in range(options.smoothed):

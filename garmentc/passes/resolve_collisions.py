@@ -75,18 +75,15 @@ def resolve_collisions(
     then brought back in a few more rounds, as springs (position-based dynamics, Mueller et al. 2007, averaged over a
     vertex's edges).
     """
-    if rig.keys is None or not rig.morph_count:
-        return rig, PassReport("resolve collisions", "no blend shapes that could do it")
     fit = poses.some(options.poses)
-    keys = rig.pose_keys(fit)
-    if not keys.any():  # a bundle of blend weights alone
-        return rig, PassReport("resolve collisions", "no pose keys that move")
     part = take_vertices(rig, cloth.anchors.rows)
     with single_threaded_blas():
+        regression = KeyRegression.of(rig, fit, options.ridge, options.most)
+        if regression is None:
+            return rig, PassReport("resolve collisions", "no pose keys that move")
         blocks = over_blocks(
             lambda block: cloth.touching(posed_outfit(part, block), cloth.skin.planes(block)), fit, _POSES_AT_ONCE
         )
-        regression = KeyRegression.on(keys, options.ridge, options.most)
         resolved = regression.added(rig, cloth.anchors, _settled(blocks, cloth.springs, regression, options))
         both = side_by_side(part, take_vertices(resolved, cloth.anchors.rows))
         inside = find_clearance(both, body, betas, poses.check[:_CHECKED]) < 0
